@@ -1,0 +1,26 @@
+//! Block-compressed 3D volumes with random access: the `.vug` file format and its reference implementation.
+#![cfg_attr(docsrs, feature(doc_cfg))]
+
+pub mod affine;
+pub mod checksum;
+pub mod error;
+pub mod geometry;
+pub mod grid;
+pub mod limits;
+pub mod voxel;
+
+pub mod codec;
+pub mod container;
+#[cfg(feature = "convert")]
+pub mod convert;
+pub mod metrics;
+pub mod source;
+
+#[cfg(feature = "cli")]
+pub mod cli;
+pub mod volume;
+
+pub use error::{Code, Error, Result};
+pub use geometry::{Extent, Region};
+pub use grid::Grid;
+pub use voxel::SampleType;

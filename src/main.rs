@@ -1,0 +1,2 @@
+//! The `vug` program.
+fn main() {}
