@@ -7,6 +7,7 @@ pub mod error;
 pub mod geometry;
 pub mod grid;
 pub mod limits;
+pub mod supercompression;
 pub mod voxel;
 
 pub mod codec;
