@@ -12,6 +12,7 @@
 mod bounds;
 mod brick_encoder;
 mod bricks;
+mod census;
 mod choose;
 mod codecs;
 mod counted;
@@ -21,15 +22,18 @@ mod open;
 mod options;
 mod pages;
 mod region;
+mod salvage;
 mod slabs;
 mod voxels;
 mod writer;
 
 pub use bounds::Bounds;
+pub use census::BrickCounts;
 pub use counted::Cost;
 pub use encode::{Progress, encode};
 pub use open::Volume;
 pub use options::{Bound, CodecChoice, EncodeOptions, NonFinite, Quality};
+pub use salvage::{LostBrick, Salvaged};
 pub use writer::{EncodeReport, Shape, VolumeWriter};
 
 /// Which tree and level of detail is meant: time step, channel and LOD. The default is the first of each, the finest.

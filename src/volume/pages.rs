@@ -26,10 +26,20 @@ pub(super) struct Page {
 }
 
 impl Page {
+    /// A page of one node that did not come from the index.
+    pub(super) fn single(node: Node) -> Self {
+        Page { nodes: vec![node], checked: [AtomicBool::new(false)].into() }
+    }
+
     /// The node in `slot`; absent ones are EMPTY.
     #[inline]
     pub(super) fn node(&self, slot: usize) -> &Node {
         self.nodes.get(slot).unwrap_or(&Node::EMPTY)
+    }
+
+    /// All nodes that are stored.
+    pub(super) fn nodes(&self) -> &[Node] {
+        &self.nodes
     }
 
     /// Whether the payload of `slot` has passed its checksum since the file was opened.
@@ -76,6 +86,29 @@ impl Pages {
             Some(page) => Ok(Some(page)),
             None => load_page(head, source, slot, ordinal).map(Some),
         }
+    }
+
+    /// Visits every page that is present, in file order of their ordinals.
+    pub(super) fn each_present(
+        &self,
+        head: &Head,
+        source: &Counted,
+        mut visit: impl FnMut(u64, &Page) -> Result<()>,
+    ) -> Result<()> {
+        for (index, chunk) in head.directory.iter().enumerate() {
+            let slots = match self.chunks[index].get() {
+                Some(slots) => slots,
+                None => self.load_chunk(head, source, index)?,
+            };
+            for (i, slot) in slots.iter().enumerate().filter(|(_, slot)| !slot.entry.is_empty()) {
+                let ordinal = chunk.ordinal * CHUNK_PAGES + i as u64;
+                match slot.page.get() {
+                    Some(page) => visit(ordinal, page)?,
+                    None => visit(ordinal, load_page(head, source, slot, ordinal)?)?,
+                }
+            }
+        }
+        Ok(())
     }
 
     #[cold]

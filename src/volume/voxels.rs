@@ -116,7 +116,7 @@ impl Volume {
 }
 
 /// A value as the Rust type that it is known to have.
-fn typed<T: Sample>(value: SampleValue) -> T {
+pub(super) fn typed<T: Sample>(value: SampleValue) -> T {
     let raw = value.to_raw();
     let ne = match T::TYPE {
         SampleType::U8 => return bytemuck::cast_slice(&[raw as u8])[0],
