@@ -1,5 +1,7 @@
 //! Tests of the metrics against plain definitions.
 
+mod compare;
+mod ssim;
 mod stats;
 
 use crate::geometry::{Coord, Extent};
