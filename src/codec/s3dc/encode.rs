@@ -71,7 +71,8 @@ fn min_max<T: Scalar>(src: View<'_>, region: &Region) -> Option<(T, T)> {
                 if !v.is_storable() {
                     return None;
                 }
-                range = Some(range.map_or((v, v), |(lo, hi)| (if v < lo { v } else { lo }, if v > hi { v } else { hi })));
+                range =
+                    Some(range.map_or((v, v), |(lo, hi)| (if v < lo { v } else { lo }, if v > hi { v } else { hi })));
             }
         }
     }
