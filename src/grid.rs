@@ -285,6 +285,26 @@ impl<'a> ViewMut<'a> {
         }
     }
 
+    /// Slices `0..z` and the rest: two boxes that can be written at the same time.
+    #[must_use]
+    pub fn split_at_z(self, z: u32) -> (ViewMut<'a>, ViewMut<'a>) {
+        let cut = (z as usize * self.slice_pitch).min(self.bytes.len());
+        let (low, high) = self.bytes.split_at_mut(cut);
+        let (extent, sample_type, row_pitch, slice_pitch) =
+            (self.extent, self.sample_type, self.row_pitch, self.slice_pitch);
+        let part = |bytes, depth| ViewMut { bytes, extent: Extent { z: depth, ..extent }, sample_type, row_pitch, slice_pitch };
+        (part(low, z), part(high, extent.z - z))
+    }
+
+    /// Sets every voxel to `value`, which must be of the box's type.
+    pub fn fill<T: Sample>(&mut self, value: T) {
+        for z in 0..self.extent.z {
+            for y in 0..self.extent.y {
+                self.row_mut::<T>(y, z).fill(value);
+            }
+        }
+    }
+
     /// Row (y, z) as samples to be written; see [`View::row`].
     #[must_use]
     pub fn row_mut<T: Sample>(&mut self, y: u32, z: u32) -> &mut [T] {

@@ -25,8 +25,8 @@ impl AtomicFile {
     /// Starts writing what will become `destination`.
     ///
     /// # Errors
-    /// `E_SOURCE` where the destination exists and `overwrite` is false, is not a regular file, or its folder cannot
-    /// be written.
+    /// `E_PARAM` where the destination exists and `overwrite` is false; `E_SOURCE` where it is not a regular file or its
+    /// folder cannot be written.
     pub fn create(destination: impl AsRef<Path>, overwrite: bool) -> Result<Self> {
         let destination = resolve(destination.as_ref())?;
         check_destination(&destination, overwrite)?;
@@ -51,7 +51,7 @@ impl AtomicFile {
     /// The file's bytes are on disk and under the destination's name when this returns.
     ///
     /// # Errors
-    /// `E_SOURCE`; the destination is then what it was before.
+    /// `E_SOURCE`, or `E_PARAM` where the name was taken meanwhile; the destination is then what it was before.
     pub fn commit(mut self) -> Result<()> {
         let fail = |e| Error::io(format!("cannot write {}", self.destination.display()), e);
         self.file.flush().map_err(fail)?;
@@ -124,7 +124,7 @@ fn check_destination(path: &Path, overwrite: bool) -> Result<()> {
 }
 
 fn exists(path: &Path) -> Error {
-    Error::new(Code::Source, "path", format!("{} exists; choose another name or use --force", path.display()))
+    Error::param("path", format!("{} exists; choose another name, or allow overwriting (--force)", path.display()))
 }
 
 fn split(path: &Path) -> Result<(PathBuf, String)> {

@@ -81,6 +81,6 @@ fn two_writers_without_force_do_not_replace_each_other() {
     let path = folder.path().join("a.vug");
     let (one, two) = (AtomicFile::create(&path, false).unwrap(), AtomicFile::create(&path, false).unwrap());
     one.commit().unwrap();
-    assert_eq!(two.commit().unwrap_err().code(), Code::Source);
+    assert_eq!(two.commit().unwrap_err().code(), Code::Param);
     assert_eq!(names(folder.path()), ["a.vug"]);
 }
