@@ -64,7 +64,8 @@ impl Tables {
         let names = features::names(masks, &options.feature_names);
 
         let vold = d.write_to();
-        let mut sections = vec![known(section::VOLD, SectionFlags::CRITICAL, vold.clone(), d.codecs.len(), CODEC_BYTES)];
+        let mut sections =
+            vec![known(section::VOLD, SectionFlags::CRITICAL, vold.clone(), d.codecs.len(), CODEC_BYTES)];
         if !names.is_empty() {
             sections.push(known(section::FNAM, SectionFlags::default(), features::write_to(&names), 0, 0));
         }
@@ -129,7 +130,8 @@ impl Tables {
             }
             Ok(())
         };
-        let mut entries = vec![items(section::BRIK, plan.bricks, bricks_end - plan.bricks, self.stored, self.brik_flags)];
+        let mut entries =
+            vec![items(section::BRIK, plan.bricks, bricks_end - plan.bricks, self.stored, self.brik_flags)];
         for (content, &offset) in self.contents.iter().zip(&offsets) {
             let bytes: &[u8] = match content {
                 Content::Known(s) => {
@@ -275,5 +277,6 @@ fn build_chunks(pages: &[(u64, PageEntry)], offset: u64) -> (Vec<u8>, Vec<ChunkR
 }
 
 fn to_usize(n: u64) -> Result<usize> {
-    usize::try_from(n).map_err(|_| Error::new(Code::Limit, "file", "the tables do not fit this machine's address space"))
+    usize::try_from(n)
+        .map_err(|_| Error::new(Code::Limit, "file", "the tables do not fit this machine's address space"))
 }

@@ -128,13 +128,23 @@ pub(super) fn parse_refs(bytes: &[u8], at: u64, octree: &Octree, file_len: u64) 
         let last_page = r.ordinal.checked_mul(CHUNK_PAGES).and_then(|n| n.checked_add(count - 1));
         if last_page.is_none_or(|n| n >= octree.page_count()) {
             let pages = octree.page_count();
-            return bad(Code::Ref, 0, "PDIR.ordinal", format!("chunk {} passes the {pages} pages there are", r.ordinal));
+            return bad(
+                Code::Ref,
+                0,
+                "PDIR.ordinal",
+                format!("chunk {} passes the {pages} pages there are", r.ordinal),
+            );
         }
         if r.offset % 16 != 0 {
             return bad(Code::Align, 8, "PDIR.offset", format!("{} is no multiple of 16", r.offset));
         }
         if r.offset.checked_add(r.byte_len() as u64).is_none_or(|end| end > file_len) {
-            return bad(Code::SectionRange, 8, "PDIR.offset", format!("the chunk at {} passes the file's end", r.offset));
+            return bad(
+                Code::SectionRange,
+                8,
+                "PDIR.offset",
+                format!("the chunk at {} passes the file's end", r.offset),
+            );
         }
         refs.push(r);
     }

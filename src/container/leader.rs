@@ -17,7 +17,7 @@ use crate::geometry::Coord;
 use binrw::binrw;
 
 /// Bytes of a leader.
-pub const LEADER_BYTES: usize = 32;
+pub(super) const LEADER_BYTES: usize = 32;
 const MAGIC: [u8; 4] = *b"VBRK";
 const AXIS_MASK: u64 = (1 << 21) - 1;
 
@@ -103,7 +103,8 @@ impl Leader {
         }
         let computed = crc32_seeded(file_id, &bytes[..28]);
         if computed != w.leader_crc {
-            let message = format!("CRC {computed:08x} computed, {:08x} stored; damaged or of another file", w.leader_crc);
+            let message =
+                format!("CRC {computed:08x} computed, {:08x} stored; damaged or of another file", w.leader_crc);
             return bad(28, "leader.crc", message);
         }
         if w.kind != NodeKind::Stored as u8 || w.flags & !NodeFlags::IN_LEADER != 0 || w.position >> 63 != 0 {

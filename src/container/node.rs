@@ -126,7 +126,8 @@ impl Node {
     #[must_use]
     pub fn new_constant(value: SampleValue, flags: NodeFlags, max_error: Option<f64>) -> Self {
         let (min, max) = value_bounds(value);
-        let mut node = Node { kind: NodeKind::Constant, offset: u64::from(value.to_raw()), flags, min, max, ..Node::EMPTY };
+        let mut node =
+            Node { kind: NodeKind::Constant, offset: u64::from(value.to_raw()), flags, min, max, ..Node::EMPTY };
         node.set_error(max_error);
         node
     }
@@ -185,8 +186,10 @@ impl Node {
         if computed == self.crc {
             return Ok(());
         }
-        let message =
-            format!("CRC {computed:08x} computed, {:08x} stored; the brick is damaged, salvage reads the rest", self.crc);
+        let message = format!(
+            "CRC {computed:08x} computed, {:08x} stored; the brick is damaged, salvage reads the rest",
+            self.crc
+        );
         Err(Error::at(Code::BrickCrc, self.offset, "brick.payload", message))
     }
 
@@ -256,7 +259,8 @@ impl Node {
                 if payload_fields || self.flags.contains(NodeFlags::ZSTD) {
                     return bad(Code::Canon, 8, "node", "a CONSTANT node has payload fields or flags set");
                 }
-                self.constant(sample_type).map_err(|e| Error::at(e.code(), at, "node.value", e.message().to_owned()))?;
+                self.constant(sample_type)
+                    .map_err(|e| Error::at(e.code(), at, "node.value", e.message().to_owned()))?;
             }
             // spec: IDX-9
             NodeKind::Stored => {
@@ -291,9 +295,9 @@ impl Node {
 /// Bounds of one value over its components, rounded outward.
 pub(super) fn value_bounds(value: SampleValue) -> (f32, f32) {
     let n = value.sample_type().components();
-    let (lo, hi) = (0..n).map(|c| value.component(c)).fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), v| {
-        (lo.min(v), hi.max(v))
-    });
+    let (lo, hi) = (0..n)
+        .map(|c| value.component(c))
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), v| (lo.min(v), hi.max(v)));
     (round_down_f32(lo), round_up_f32(hi))
 }
 

@@ -70,7 +70,8 @@ impl Octree {
     /// Bricks of all levels and trees, stored or not; saturates at 2^64.
     #[must_use]
     pub fn brick_count(&self) -> u64 {
-        let tree = self.levels.iter().fold(0u64, |n, l| n.saturating_add(l.bricks.checked_voxels().unwrap_or(u64::MAX)));
+        let tree =
+            self.levels.iter().fold(0u64, |n, l| n.saturating_add(l.bricks.checked_voxels().unwrap_or(u64::MAX)));
         tree.saturating_mul(u64::from(self.trees))
     }
 

@@ -35,9 +35,17 @@ impl NodeStore {
     ///
     /// # Errors
     /// `E_RANGE` where the brick does not exist, `E_DUP` where it has been put before.
-    pub(super) fn put(&mut self, octree: &Octree, tree: u32, level: u8, brick: Coord, node: Node) -> Result<(u64, usize)> {
+    pub(super) fn put(
+        &mut self,
+        octree: &Octree,
+        tree: u32,
+        level: u8,
+        brick: Coord,
+        node: Node,
+    ) -> Result<(u64, usize)> {
         if !octree.contains(tree, level, brick) {
-            let message = format!("tree {tree}, level {level}, brick {brick:?} (x, y, z) does not exist in this volume");
+            let message =
+                format!("tree {tree}, level {level}, brick {brick:?} (x, y, z) does not exist in this volume");
             return Err(Error::new(Code::Range, "brick", message));
         }
         let (ordinal, slot) = octree.locate(tree, level, brick);

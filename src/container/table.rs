@@ -166,7 +166,8 @@ fn check_overlaps(sections: &[SectionEntry], table: u64, table_len: u64) -> Resu
     for pair in ranges.windows(2) {
         let ((_, end, a), (start, _, b)) = (pair[0], pair[1]);
         if start < end {
-            let name = |s: Option<&SectionEntry>| s.map_or("the section table or superblock".into(), |s| show(s.fourcc));
+            let name =
+                |s: Option<&SectionEntry>| s.map_or("the section table or superblock".into(), |s| show(s.fourcc));
             let index = b.or(a).and_then(|s| sections.iter().position(|o| o.fourcc == s.fourcc)).unwrap_or(0);
             let at = table + (index * ENTRY_BYTES) as u64 + 8;
             let message = format!("{} and {} overlap", name(a), name(b));

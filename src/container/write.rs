@@ -159,8 +159,13 @@ impl<W: Write + Seek> FileWriter<W> {
     /// `E_LIMIT` for metadata; `E_SOURCE`.
     pub fn finish(mut self, descriptor: &VolumeDescriptor, options: FinishOptions) -> Result<(W, FileSummary)> {
         let d = &self.descriptor;
-        if Octree::new(descriptor)? != self.octree || (descriptor.sample_type, &descriptor.codecs) != (d.sample_type, &d.codecs) {
-            return Err(Error::param("descriptor", "octree, sample type and codecs must be those the file was begun with"));
+        if Octree::new(descriptor)? != self.octree
+            || (descriptor.sample_type, &descriptor.codecs) != (d.sample_type, &d.codecs)
+        {
+            return Err(Error::param(
+                "descriptor",
+                "octree, sample type and codecs must be those the file was begun with",
+            ));
         }
         self.nodes.join(&self.octree, descriptor.null_sample());
         let tables = Tables::new(&self.nodes, &self.order, descriptor, options)?;
@@ -259,4 +264,3 @@ fn write_brick(out: &mut impl Write, cursor: u64, offset: u64, leader: &[u8], pa
     }
     Ok(offset + payload.len() as u64 + GUARD_BYTES)
 }
-
