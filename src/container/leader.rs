@@ -17,7 +17,7 @@ use crate::geometry::Coord;
 use binrw::binrw;
 
 /// Bytes of a leader.
-pub(super) const LEADER_BYTES: usize = 32;
+pub const LEADER_BYTES: usize = 32;
 const MAGIC: [u8; 4] = *b"VBRK";
 const AXIS_MASK: u64 = (1 << 21) - 1;
 

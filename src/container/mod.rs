@@ -35,13 +35,13 @@ pub use descriptor::{Achieved, CODEC_RAW, CODEC_S3DC, CodecEntry, VolumeDescript
 pub use directory::{CHUNK_PAGES, ChunkRef, PAGE_NODES, PageEntry, parse_chunk, parse_page};
 pub use features::{FeatureName, OPTIONAL_NAN_REPLACED, REQUIRED_ZSTD};
 pub use layout::BrickBase;
-pub use leader::{Leader, find_leaders};
+pub use leader::{LEADER_BYTES, Leader, find_leaders};
 pub use meta::check_meta;
 pub use node::{Node, NodeFlags, NodeKind, round_down_f32, round_up_f32};
 pub use octree::{Level, Octree};
 pub use parse::{Head, HeadParser, Step};
 pub use section::{ExtraSection, FourCc, SectionEntry, SectionFlags};
-pub use superblock::{FileLayout, SUPERBLOCK_BYTES, Superblock};
+pub use superblock::{FileLayout, MAGIC, SUPERBLOCK_BYTES, Superblock};
 pub use write::{FileSummary, FileWriter, FinishOptions};
 
 /// Zero bytes behind every payload, so that decoders may load whole words (spec: BRK-4).

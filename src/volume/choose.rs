@@ -155,7 +155,7 @@ fn holds(stats: &BrickStats, quality: Quality) -> bool {
     match quality {
         Quality::MaxError(Bound::Absolute(bound)) => stats.error.max_abs <= bound,
         Quality::MaxError(Bound::Percent(percent)) => stats.error.max_abs <= percent / 100.0 * range,
-        Quality::Psnr(db) => psnr(range, stats.error.mse()).is_ok_and(|found| found >= db),
+        Quality::Psnr(db) => stats.error.max_abs == 0.0 || psnr(range, stats.error.rmse()).is_some_and(|found| found >= db),
         Quality::Rate(_) | Quality::Explicit { .. } => unreachable!("not a bound on the error"),
     }
 }

@@ -220,7 +220,7 @@ impl<W: Write + Seek> VolumeWriter<W> {
             max_error: error.max_abs,
             mean_error: error.mean_abs(),
             rmse: error.rmse(),
-            psnr: psnr(d.source_range.1 - d.source_range.0, error.mse()).ok().filter(|db| db.is_finite()),
+            psnr: psnr(d.source_range.1 - d.source_range.0, error.rmse()),
             source_range: d.source_range,
             ratio_formula,
             ratio_payload: original / payload as f64,

@@ -12,7 +12,7 @@ pub(super) fn run(args: &Compare) -> Result<Verdict> {
     let bar = progress(args.common.quiet || args.common.json, "comparing");
     let a = load(&args.a, &args.import)?;
     let b = load(&args.b, &args.import)?;
-    let c = compare(a.grid.view(), b.grid.view(), 0)?;
+    let c = compare(&a.grid.view(), &b.grid.view())?;
     bar.finish_and_clear();
     let failed = failures(args, &c);
     if args.common.json {

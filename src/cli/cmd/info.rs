@@ -53,7 +53,7 @@ fn describe(volume: &Volume, bricks: &BrickCounts) -> Result<Value> {
         formula = Value::Null; // one formula cannot speak for several codecs
     }
     let p = &d.placement;
-    let psnr = d.achieved.and_then(|a| psnr(d.source_range.1 - d.source_range.0, a.rmse * a.rmse).ok());
+    let psnr = d.achieved.and_then(|a| psnr(d.source_range.1 - d.source_range.0, a.rmse));
     Ok(json!({
         "dims": d.dims.to_array(),
         "sample_type": d.sample_type.name(),
