@@ -344,6 +344,12 @@ pub trait SlabReader: Send {
     }
 }
 
+impl std::fmt::Debug for Grid {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "Grid({} {})", self.extent, self.sample_type)
+    }
+}
+
 impl SlabReader for Grid {
     fn extent(&self) -> Extent {
         self.extent
