@@ -26,6 +26,8 @@ const AXIS_MASK: u64 = (1 << 21) - 1;
 pub struct Leader {
     /// Level of detail.
     pub level: u8,
+    /// Kind of brick: STORED in head files.
+    pub kind: NodeKind,
     /// Codec entry.
     pub codec: u8,
     /// The node's flags that concern the brick alone: ZSTD, LOSSLESS, NAN_REPLACED.
@@ -56,11 +58,15 @@ struct Wire {
 }
 
 impl Leader {
+    /// Bytes of a leader.
+    pub const BYTES: usize = LEADER_BYTES;
+
     /// The leader of a stored node (spec: BRK-5).
     #[must_use]
     pub fn of(node: &Node, tree: u32, level: u8, brick: Coord) -> Self {
         Leader {
             level,
+            kind: node.kind,
             codec: node.codec,
             flags: NodeFlags(node.flags.0 & NodeFlags::IN_LEADER),
             brick,
@@ -77,7 +83,7 @@ impl Leader {
         let mut bytes: [u8; LEADER_BYTES] = wire::write(&Wire {
             magic: MAGIC,
             level: self.level,
-            kind: NodeKind::Stored as u8,
+            kind: self.kind as u8,
             codec: self.codec,
             flags: self.flags.0,
             position: x | y << 21 | z << 42,
@@ -114,6 +120,7 @@ impl Leader {
         let axis = |shift: u32| (w.position >> shift & AXIS_MASK) as u32;
         Ok(Leader {
             level: w.level,
+            kind: NodeKind::Stored,
             codec: w.codec,
             flags: NodeFlags(w.flags),
             brick: [axis(0), axis(21), axis(42)],
