@@ -17,7 +17,7 @@ use crate::geometry::Coord;
 use binrw::binrw;
 
 /// Bytes of a leader.
-pub(super) const LEADER_BYTES: usize = 32;
+pub const LEADER_BYTES: usize = 32;
 const MAGIC: [u8; 4] = *b"VBRK";
 const AXIS_MASK: u64 = (1 << 21) - 1;
 
@@ -26,8 +26,6 @@ const AXIS_MASK: u64 = (1 << 21) - 1;
 pub struct Leader {
     /// Level of detail.
     pub level: u8,
-    /// Kind of brick: STORED in head files.
-    pub kind: NodeKind,
     /// Codec entry.
     pub codec: u8,
     /// The node's flags that concern the brick alone: ZSTD, LOSSLESS, NAN_REPLACED.
@@ -58,15 +56,11 @@ struct Wire {
 }
 
 impl Leader {
-    /// Bytes of a leader.
-    pub const BYTES: usize = LEADER_BYTES;
-
     /// The leader of a stored node (spec: BRK-5).
     #[must_use]
     pub fn of(node: &Node, tree: u32, level: u8, brick: Coord) -> Self {
         Leader {
             level,
-            kind: node.kind,
             codec: node.codec,
             flags: NodeFlags(node.flags.0 & NodeFlags::IN_LEADER),
             brick,
@@ -83,7 +77,7 @@ impl Leader {
         let mut bytes: [u8; LEADER_BYTES] = wire::write(&Wire {
             magic: MAGIC,
             level: self.level,
-            kind: self.kind as u8,
+            kind: NodeKind::Stored as u8,
             codec: self.codec,
             flags: self.flags.0,
             position: x | y << 21 | z << 42,
@@ -120,7 +114,6 @@ impl Leader {
         let axis = |shift: u32| (w.position >> shift & AXIS_MASK) as u32;
         Ok(Leader {
             level: w.level,
-            kind: NodeKind::Stored,
             codec: w.codec,
             flags: NodeFlags(w.flags),
             brick: [axis(0), axis(21), axis(42)],

@@ -36,7 +36,7 @@ mod write;
 pub use descriptor::{Achieved, CODEC_RAW, CODEC_S3DC, CodecEntry, VolumeDescriptor};
 pub use directory::{CHUNK_PAGES, ChunkRef, PAGE_NODES, PageEntry, parse_chunk, parse_page};
 pub use features::{FeatureName, OPTIONAL_NAN_REPLACED, REQUIRED_ZSTD};
-pub use leader::{Leader, find_leaders};
+pub use leader::{LEADER_BYTES, Leader, find_leaders};
 pub use meta::check_meta;
 pub use node::{Node, NodeFlags, NodeKind, round_down_f32, round_up_f32};
 pub use octree::{Level, Octree};

@@ -38,14 +38,14 @@ pub fn rewrite<W: Write + Seek>(len: u64, limits: &Limits, read: &mut Read<'_>, 
         #[allow(clippy::cast_possible_truncation, reason = "a payload is at most 64 MiB")]
         let bytes = read(window.start, (window.end - window.start) as usize)?;
         let payload = strict.check_brick(brick, &bytes)?;
-        writer.put_stored(brick.tree, brick.level, brick.brick, brick.node, payload)?;
+        writer.put_stored(brick.tree, brick.level, brick.brick, &brick.node, payload)?;
     }
     for (&ordinal, page) in &nodes.pages {
         let (tree, level, position) = head.octree.page_position(ordinal);
         for (slot, node) in page.iter().enumerate().filter(|(_, n)| n.kind == NodeKind::Constant) {
             let local = unmorton8(slot);
             let brick = std::array::from_fn(|a| position[a] * 8 + local[a]);
-            writer.put_constant(tree, level, brick, *node)?;
+            writer.put_constant(tree, level, brick, node)?;
         }
     }
     // An id that followed from the content follows from the new content; one that was given stays.

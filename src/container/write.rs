@@ -99,14 +99,14 @@ impl<W: Write + Seek> FileWriter<W> {
     ///
     /// # Errors
     /// `E_RANGE`, `E_DUP`, `E_REF` (codec), `E_PARAM`, `E_LIMIT` (64 MiB), `E_NONFINITE`, `E_MINMAX_ORDER`, `E_SOURCE`.
-    pub fn put_stored(&mut self, tree: u32, level: u8, brick: Coord, node: Node, payload: &[u8]) -> Result<()> {
+    pub fn put_stored(&mut self, tree: u32, level: u8, brick: Coord, node: &Node, payload: &[u8]) -> Result<()> {
         limits::check("brick.payload", payload.len() as u64, limits::MAX_BRICK_BYTES)?;
         let Some(codec) = self.descriptor.codecs.get(usize::from(node.codec)) else {
             return Err(Error::new(Code::Ref, "node.codec", format!("entry {} is not in the codec table", node.codec)));
         };
         let align_log2 = codec.payload_align_log2(node.flags.contains(NodeFlags::ZSTD));
         let stored_len = u32::try_from(payload.len()).expect("at most 64 MiB");
-        let mut node = Node { offset: 0, child_mask: 0, stored_len, crc: crc32(payload), ..node };
+        let mut node = Node { offset: 0, child_mask: 0, stored_len, crc: crc32(payload), ..*node };
         self.check_node(&node, NodeKind::Stored)?;
         if self.stored_bytes + payload.len() as u64 > COMPACT_BYTES {
             self.start_streaming()?;
@@ -129,8 +129,8 @@ impl<W: Write + Seek> FileWriter<W> {
     ///
     /// # Errors
     /// `E_RANGE`, `E_DUP`, `E_PARAM`, `E_CANON`, `E_NONFINITE`.
-    pub fn put_constant(&mut self, tree: u32, level: u8, brick: Coord, node: Node) -> Result<()> {
-        let node = Node { child_mask: 0, ..node };
+    pub fn put_constant(&mut self, tree: u32, level: u8, brick: Coord, node: &Node) -> Result<()> {
+        let node = Node { child_mask: 0, ..*node };
         self.check_node(&node, NodeKind::Constant)?;
         self.nodes.put(&self.octree, tree, level, brick, node).map(|_| ())
     }

@@ -34,8 +34,8 @@ pub struct Comparison {
     pub range: f64,
     /// Largest |a − b|; infinite where a NaN meets a number.
     pub max_error: f64,
-    /// The first voxel with the largest error (x fastest); `None` where A and B are equal.
-    pub max_error_at: Option<Coord>,
+    /// The first voxel with the largest error (x fastest); (0, 0, 0) where A and B are equal.
+    pub max_error_at: Coord,
     /// Mean of |a − b|.
     pub mean_error: f64,
     /// Root of the mean of (a − b)².
@@ -58,26 +58,14 @@ struct Slice {
 
 /// Compares volume `b` with the reference `a`.
 ///
-/// Different scalar types are compared by value. `jobs` is the number of threads; 0 takes those of the current
-/// [rayon] pool.
+/// Different scalar types are compared by value. Runs on the threads of the current [rayon] pool.
 ///
 /// # Errors
 /// `E_PARAM` where the extents differ, or one volume is RGB and the other is not.
-pub fn compare(a: View<'_>, b: View<'_>, jobs: usize) -> Result<Comparison> {
-    check_same_extent(&a, &b)?;
-    check_comparable(&a, &b)?;
-    if jobs == 0 {
-        return Ok(compare_here(&a, &b));
-    }
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(jobs)
-        .build()
-        .map_err(|e| Error::param("jobs", format!("{jobs} threads cannot be started: {e}")))?;
-    Ok(pool.install(|| compare_here(&a, &b)))
-}
-
-fn compare_here(a: &View<'_>, b: &View<'_>) -> Comparison {
-    let range = value_range_parallel(a).map_or(0.0, |(lo, hi)| hi - lo);
+pub fn compare(a: &View<'_>, b: &View<'_>) -> Result<Comparison> {
+    check_same_extent(a, b)?;
+    check_comparable(a, b)?;
+    let range = range_in_parallel(a).map_or(0.0, |(lo, hi)| hi - lo);
     let dynamic_range = if range > 0.0 && range.is_finite() { range } else { 1.0 };
     let slices: Vec<Slice> = (0..a.extent.z)
         .into_par_iter()
@@ -95,20 +83,18 @@ fn compare_here(a: &View<'_>, b: &View<'_>) -> Comparison {
         ssim_sum += slice.ssim;
     }
     let identical = errors.max_abs == 0.0;
-    Comparison {
+    let [x, y, _] = if identical { [0; 3] } else { difference::place_of_largest(&plane(a, worst), &plane(b, worst)) };
+    Ok(Comparison {
         range,
         max_error: errors.max_abs,
-        max_error_at: (!identical).then(|| {
-            let [x, y, _] = difference::place_of_largest(&plane(a, worst), &plane(b, worst));
-            [x, y, worst]
-        }),
+        max_error_at: [x, y, worst],
         mean_error: errors.mean_abs(),
         rmse: errors.rmse(),
-        psnr: psnr(range, errors.mse()).ok().filter(|db| db.is_finite()),
+        psnr: psnr(range, errors.rmse()),
         identical,
         ssim: ssim_sum / slices.len() as f64,
         ssim_global: ssim::is_global(a.extent.x as usize, a.extent.y as usize),
-    }
+    })
 }
 
 /// Slice z as a box of its own.
@@ -117,7 +103,7 @@ fn plane<'a>(v: &View<'a>, z: u32) -> View<'a> {
 }
 
 /// [`value_range`] with all threads of the pool.
-fn value_range_parallel(v: &View<'_>) -> Option<(f64, f64)> {
+fn range_in_parallel(v: &View<'_>) -> Option<(f64, f64)> {
     let ranges = (0..v.extent.z).into_par_iter().filter_map(|z| value_range(&plane(v, z)));
     ranges.reduce_with(|a, b| (a.0.min(b.0), a.1.max(b.1)))
 }

@@ -1,28 +1,21 @@
 //! Peak signal-to-noise ratio. Per component (divide by voxels × components), peak = range of the reference.
 
-use crate::error::{Error, Result};
-
-/// PSNR in dB: 10·log10(peak² / mse). +∞ for a mean squared error of 0.
+/// PSNR in dB: 20·log10(peak / rmse).
 ///
 /// `peak` is the largest minus the smallest value of the reference, whatever its type; for 8-bit images literature
-/// takes 255. `mse` is divided by voxels × components: a sum over three components divided by voxels alone, as some
-/// papers print it, gives 4.77 dB less.
+/// takes 255. `rmse` is the root of the squared error divided by voxels × components: a sum over three components
+/// divided by voxels alone, as some papers print it, gives 4.77 dB less.
 ///
-/// # Errors
-/// `E_PARAM` where the ratio has no meaning: a constant reference (peak 0) with an error, or arguments that are NaN
-/// or negative.
-pub fn psnr(peak: f64, mse: f64) -> Result<f64> {
-    if mse == 0.0 {
-        return Ok(f64::INFINITY);
-    }
-    if !(peak > 0.0 && mse > 0.0) {
-        return Err(Error::param("psnr", format!("peak {peak} and mean squared error {mse} have no ratio in dB")));
-    }
-    // Both logarithms apart: the squares of large floats would overflow.
-    Ok(20.0 * peak.log10() - 10.0 * mse.log10())
+/// `None` where there is no number: +∞ dB (`rmse` 0), a constant reference (`peak` 0) with an error, and arguments
+/// that are infinite, NaN or negative. Only the first of them is good news; ask `rmse` which it is.
+#[must_use]
+pub fn psnr(peak: f64, rmse: f64) -> Option<f64> {
+    // Both logarithms apart: the quotient of large and small floats could overflow.
+    let db = 20.0 * (peak.log10() - rmse.log10());
+    (peak > 0.0 && rmse > 0.0 && db.is_finite()).then_some(db)
 }
 
-/// Root of the largest mean squared error at which a volume of this `peak` still has `psnr` dB.
+/// The largest RMSE at which a volume of this `peak` still has `psnr` dB.
 #[must_use]
 pub fn rmse_for_psnr(peak: f64, psnr: f64) -> f64 {
     peak * 10f64.powf(-psnr / 20.0)

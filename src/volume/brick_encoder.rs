@@ -1,22 +1,21 @@
 //! One brick: from samples to a node and a payload, with what the codec has done to them measured.
 
 use super::options::NonFinite;
-use crate::codec::{Codec, s3dc::Endpoints};
-use crate::container::{Node, NodeFlags, NodeKind, round_down_f32, round_up_f32};
+use crate::codec::{Codec, first_non_finite};
+use crate::container::{Node, NodeFlags, NodeKind};
 use crate::error::{Code, Error, Result};
 use crate::geometry::{Coord, Extent, Region};
 use crate::grid::{AlignedBytes, Grid, View, ViewMut};
-use crate::metrics::{ErrorStats, error_stats};
+use crate::metrics::{ErrorStats, error_stats, value_range};
 use crate::supercompression;
 use crate::voxel::{Sample, SampleType, SampleValue};
-use crate::{checksum::crc32, with_sample};
+use crate::with_sample;
 use std::cell::RefCell;
 
 /// Encodes bricks, on any number of threads.
 #[derive(Clone)]
 pub(super) struct BrickEncoder {
     pub(super) codec: Codec,
-    pub(super) endpoints: Endpoints,
     pub(super) zstd: bool,
     pub(super) non_finite: NonFinite,
     pub(super) null: SampleValue,
@@ -90,7 +89,7 @@ impl BrickEncoder {
             Some(value) => self.encode_constant(src, value),
             None => self.encode_stored(src)?,
         };
-        brick.stats.source = brick.stats.source.or_else(|| range(src));
+        brick.stats.source = brick.stats.source.or_else(|| value_range(&src));
         if replaced > 0 {
             brick.stats.replaced = replaced;
             if brick.node.kind != NodeKind::Empty {
@@ -102,7 +101,7 @@ impl BrickEncoder {
 
     /// A clean copy and the number of replaced samples, where there are any.
     fn replace_non_finite(&self, src: View<'_>) -> Result<(Option<Grid>, u64)> {
-        let Some(first) = find_non_finite(src) else { return Ok((None, 0)) };
+        let Some(first) = first_non_finite(&src) else { return Ok((None, 0)) };
         let SampleValue::F32(null) = self.null else { unreachable!("only f32 has non-finite samples") };
         if self.non_finite == NonFinite::Reject {
             return Err(non_finite_error(src.row::<f32>(first[1], first[2])[first[0] as usize], first));
@@ -146,18 +145,11 @@ impl BrickEncoder {
         let components = value.sample_type().components();
         let values = (0..components).map(|c| value.component(c));
         let (min, max) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), v| (lo.min(v), hi.max(v)));
-        let error = ErrorStats::exact(src.extent.voxels() * components as u64, min, max);
+        let error = ErrorStats { count: src.extent.voxels() * components as u64, min, max, ..ErrorStats::default() };
         let node = if value.to_raw() == self.null.to_raw() {
             Node::EMPTY
         } else {
-            Node {
-                offset: u64::from(value.to_raw()),
-                kind: NodeKind::Constant,
-                flags: NodeFlags::LOSSLESS | NodeFlags::ERROR_KNOWN,
-                min: round_down_f32(min),
-                max: round_up_f32(max),
-                ..Node::EMPTY
-            }
+            Node::new_constant(value, NodeFlags::LOSSLESS, Some(0.0))
         };
         let stats = BrickStats { error, source: Some((min, max)), ..BrickStats::default() };
         EncodedBrick { node, payload: Vec::new(), stats }
@@ -165,13 +157,10 @@ impl BrickEncoder {
 
     fn encode_stored(&self, src: View<'_>) -> Result<EncodedBrick> {
         let mut payload = Vec::new();
-        self.codec.encode(src, self.endpoints, &mut payload)?;
+        self.codec.encode(src, &mut payload)?;
         let error = measure(&self.codec, &payload, src)?;
         let mut stats = BrickStats { payload: payload.len() as u64, ..BrickStats::default() };
-        let mut flags = NodeFlags::ERROR_KNOWN;
-        if error.max_abs == 0.0 {
-            flags = flags | NodeFlags::LOSSLESS;
-        }
+        let mut flags = if error.max_abs == 0.0 { NodeFlags::LOSSLESS } else { NodeFlags::default() };
         if self.zstd {
             if let Some(smaller) = supercompression::compress(&payload)? {
                 payload = smaller;
@@ -180,16 +169,7 @@ impl BrickEncoder {
         }
         stats.stored = payload.len() as u64;
         stats.lossless = if self.weigh_lossless { self.lossless_len(src)? } else { 0 };
-        let node = Node {
-            kind: NodeKind::Stored,
-            stored_len: u32::try_from(payload.len()).map_err(|_| Error::param("brick", "a payload exceeds 4 GiB"))?,
-            crc: crc32(&payload),
-            flags,
-            min: round_down_f32(error.min),
-            max: round_up_f32(error.max),
-            max_error: round_up_f32(error.max_abs),
-            ..Node::EMPTY
-        };
+        let node = Node::new_stored(0, flags, (error.min, error.max), Some(error.max_abs));
         stats.error = error;
         Ok(EncodedBrick { node, payload, stats })
     }
@@ -197,7 +177,7 @@ impl BrickEncoder {
     /// Bytes that `raw` would store for this brick.
     fn lossless_len(&self, src: View<'_>) -> Result<u64> {
         let mut raw = Vec::new();
-        Codec::Raw.encode(src, Endpoints::MinMax, &mut raw)?;
+        Codec::Raw.encode(src, &mut raw)?;
         let smaller = if self.zstd { supercompression::compress(&raw)? } else { None };
         Ok(smaller.as_ref().map_or(raw.len(), Vec::len) as u64)
     }
@@ -208,26 +188,8 @@ pub(super) fn measure(codec: &Codec, payload: &[u8], src: View<'_>) -> Result<Er
     with_scratch(src.extent, src.sample_type, |mut decoded| {
         let whole = Region::whole(src.extent);
         codec.decode(payload, src.extent, &whole, decoded.sub(&whole))?;
-        Ok(error_stats(src, decoded.as_view()))
+        error_stats(&src, &decoded.as_view())
     })
-}
-
-/// Position of the first NaN or infinity, in x, y, z order.
-pub(super) fn find_non_finite(src: View<'_>) -> Option<Coord> {
-    if src.sample_type != SampleType::F32 {
-        return None;
-    }
-    for z in 0..src.extent.z {
-        for y in 0..src.extent.y {
-            let row = src.row::<f32>(y, z);
-            // One pass without branches; the position only where it is wanted.
-            if !row.iter().fold(true, |all, v| all & v.is_finite()) {
-                let x = row.iter().position(|v| !v.is_finite())?;
-                return Some([u32::try_from(x).ok()?, y, z]);
-            }
-        }
-    }
-    None
 }
 
 pub(super) fn non_finite_error(value: f32, at: Coord) -> Error {
@@ -237,39 +199,4 @@ pub(super) fn non_finite_error(value: f32, at: Coord) -> Error {
         "samples",
         format!("{value} at voxel {x},{y},{z} (x,y,z); clean the data, or replace such voxels by the null value (--nan null)"),
     )
-}
-
-/// Smallest and largest component of finite samples.
-fn range(src: View<'_>) -> Option<(f64, f64)> {
-    fn of<T: Sample + PartialOrd>(src: View<'_>) -> Option<(f64, f64)> {
-        let first = src.row::<T>(0, 0)[0];
-        let (mut lo, mut hi) = (first, first);
-        for z in 0..src.extent.z {
-            for y in 0..src.extent.y {
-                for &v in src.row::<T>(y, z) {
-                    lo = if v < lo { v } else { lo };
-                    hi = if v > hi { v } else { hi };
-                }
-            }
-        }
-        Some((lo.component(0), hi.component(0)))
-    }
-    match src.sample_type {
-        SampleType::U8 => of::<u8>(src),
-        SampleType::U16 => of::<u16>(src),
-        SampleType::I16 => of::<i16>(src),
-        SampleType::F32 => of::<f32>(src),
-        SampleType::Rgb8 => {
-            let mut range: Option<(f64, f64)> = None;
-            for z in 0..src.extent.z {
-                for y in 0..src.extent.y {
-                    for &v in src.row::<[u8; 3]>(y, z).as_flattened() {
-                        let v = f64::from(v);
-                        range = Some(range.map_or((v, v), |(lo, hi)| (lo.min(v), hi.max(v))));
-                    }
-                }
-            }
-            range
-        }
-    }
 }

@@ -26,8 +26,7 @@ impl Volume {
     /// Those of damaged pages.
     pub fn brick_counts(&self) -> Result<BrickCounts> {
         let octree = &self.head.octree;
-        let per_tree: u64 = octree.levels.iter().map(|l| l.bricks.voxels()).sum();
-        let mut counts = BrickCounts { total: per_tree * u64::from(octree.trees()), ..BrickCounts::default() };
+        let mut counts = BrickCounts { total: octree.brick_count(), ..BrickCounts::default() };
         let counted = self.pages.each_present(&self.head, &self.source, |_, page| {
             for node in page.nodes() {
                 match node.kind {

@@ -88,7 +88,6 @@ fn weigh(
 ) -> Result<BrickStats> {
     let encoder = BrickEncoder {
         codec: choice.codec,
-        endpoints: options.endpoints,
         zstd: options.zstd,
         non_finite: options.non_finite,
         null,
@@ -120,8 +119,7 @@ fn search(
             let params = s3dc::Params::new(bits, Extent::cube(edge), options.endpoints)?;
             encoders.push(BrickEncoder {
                 codec: Codec::S3dc(params),
-                endpoints: options.endpoints,
-                zstd: false,
+                        zstd: false,
                 non_finite: options.non_finite,
                 null,
                 weigh_lossless: false,
@@ -157,7 +155,7 @@ fn holds(stats: &BrickStats, quality: Quality) -> bool {
     match quality {
         Quality::MaxError(Bound::Absolute(bound)) => stats.error.max_abs <= bound,
         Quality::MaxError(Bound::Percent(percent)) => stats.error.max_abs <= percent / 100.0 * range,
-        Quality::Psnr(db) => psnr(range, stats.error.rmse()).is_none_or(|found| found >= db),
+        Quality::Psnr(db) => stats.error.max_abs == 0.0 || psnr(range, stats.error.rmse()).is_some_and(|found| found >= db),
         Quality::Rate(_) | Quality::Explicit { .. } => unreachable!("not a bound on the error"),
     }
 }

@@ -76,10 +76,6 @@ impl CodecTable {
         }
     }
 
-    /// All entries that this reader knows.
-    pub(super) fn known(&self) -> impl Iterator<Item = &Codec> {
-        self.entries.iter().flatten().map(|e| &e.codec)
-    }
 }
 
 impl Entry {

@@ -1,13 +1,10 @@
 //! The index in memory: directory chunks and pages, each read when it is first needed (spec chapter 5).
 
 use super::counted::Counted;
-use crate::container::{self, Head, Node, PageEntry};
+use crate::container::{self, CHUNK_PAGES, Head, Node, PageEntry};
 use crate::error::Result;
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, Ordering};
-
-/// Page entries of one chunk of the directory.
-const CHUNK_PAGES: u64 = 1024;
 
 /// One slot per present directory chunk, in the order of the root directory: memory follows the file, not its dims.
 pub(super) struct Pages {
@@ -116,8 +113,8 @@ impl Pages {
         let chunk = &head.directory[index];
         let len = chunk.byte_len();
         let entries = match head.resident(chunk.offset, len as u64) {
-            Some(bytes) => container::parse_chunk(bytes, chunk, &head.octree)?,
-            None => container::parse_chunk(&source.read(chunk.offset, len)?, chunk, &head.octree)?,
+            Some(bytes) => container::parse_chunk(bytes, chunk, head)?,
+            None => container::parse_chunk(&source.read(chunk.offset, len)?, chunk, head)?,
         };
         let slots = entries.into_iter().map(|entry| PageSlot { entry, page: OnceLock::new() }).collect();
         // Another thread may have been faster: then its result stands, which is the same.

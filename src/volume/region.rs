@@ -4,6 +4,7 @@ use super::bricks::{Found, Payload};
 use super::codecs::{Entry, Layout};
 use super::open::Volume;
 use super::{At, Axis};
+use crate::codec::Codec;
 use crate::container::NodeKind;
 use crate::error::{Code, Error, Result};
 use crate::geometry::{Coord, Extent, Region};
@@ -90,7 +91,8 @@ impl Volume {
         let found = self.find(self.tree(at)?, at.lod, brick)?;
         let mut region = self.head.octree.brick_region(at.lod, brick);
         if found.node().kind == NodeKind::Stored {
-            if let Some(block) = self.codec_of(found.node(), at.lod, brick)?.0.codec.block() {
+            if let Codec::S3dc(params) = self.codec_of(found.node(), at.lod, brick)?.0.codec {
+                let block = params.block();
                 let b = block.to_array();
                 let start = std::array::from_fn(|a| region.start[a] + (c[a] - region.start[a]) / b[a] * b[a]);
                 region = Region::at(start, block).intersect(&region);

@@ -4,7 +4,7 @@ use super::At;
 use super::bricks::Found;
 use super::open::Volume;
 use super::pages::Page;
-use crate::container::{Leader, Node, NodeKind, find_leaders};
+use crate::container::{LEADER_BYTES, Leader, Node, NodeKind, find_leaders};
 use crate::error::{Error, Result};
 use crate::geometry::{Coord, Extent, Region};
 use crate::grid::{Grid, ViewMut};
@@ -109,7 +109,7 @@ impl Volume {
             let window = usize::try_from(len - offset).map_or(SCAN_BYTES, |left| left.min(SCAN_BYTES));
             let Ok(bytes) = self.source.read(offset, window) else { break };
             for (at, leader) in find_leaders(&bytes, offset, &self.head.superblock.file_id) {
-                let wanted = leader.tree == tree && leader.level == lod && leader.kind == NodeKind::Stored;
+                let wanted = leader.tree == tree && leader.level == lod;
                 if wanted && bricks.contains(leader.brick) {
                     found.insert(leader.brick, Page::single(node_of(&leader, at)));
                 }
@@ -117,7 +117,7 @@ impl Volume {
             if window < SCAN_BYTES {
                 break;
             }
-            offset += (SCAN_BYTES - Leader::BYTES) as u64;
+            offset += (SCAN_BYTES - LEADER_BYTES) as u64;
         }
         found
     }
@@ -126,10 +126,10 @@ impl Volume {
 /// The node that belongs to a leader at file offset `at`; its bounds are lost.
 fn node_of(leader: &Leader, at: u64) -> Node {
     Node {
-        offset: at + Leader::BYTES as u64,
+        offset: at + LEADER_BYTES as u64,
         stored_len: leader.stored_len,
         crc: leader.crc,
-        kind: leader.kind,
+        kind: NodeKind::Stored,
         codec: leader.codec,
         flags: leader.flags,
         ..Node::EMPTY

@@ -1,7 +1,8 @@
 //! Walking a source brick layer by brick layer: the one loop behind analysis and encoding.
 
-use super::brick_encoder::{find_non_finite, non_finite_error};
+use super::brick_encoder::non_finite_error;
 use super::lod::read_lod_slab;
+use crate::codec::first_non_finite;
 use crate::error::{Code, Result};
 use crate::geometry::{Coord, Extent, Region};
 use crate::grid::{AlignedBytes, SlabReader, View, dense_len};
@@ -60,7 +61,7 @@ pub(super) fn for_each_brick<R: Send>(
                 })
                 .collect();
             for (&brick, result) in group.iter().zip(results) {
-                let result = result.map_err(|e| match (e.code(), find_non_finite(slab)) {
+                let result = result.map_err(|e| match (e.code(), first_non_finite(&slab)) {
                     // A brick knows neither where it lies, nor whether another one has an earlier sample of the kind.
                     (Code::NonFinite, Some([x, y, dz])) => {
                         non_finite_error(slab.row::<f32>(y, dz)[x as usize], [x, y, bz * edge + dz])

@@ -56,7 +56,7 @@ impl Volume {
             for (slot, &c) in places.iter_mut().zip(coords) {
                 let place = self.place(at, tree, c)?;
                 if let Place::S3dc { layout, payload, local } = &place {
-                    layout.touch::<T>(payload, *local);
+                    layout.touch(payload, *local);
                 }
                 *slot = Some(place);
             }
@@ -105,7 +105,7 @@ impl Volume {
     #[inline]
     fn decode_at<T: Sample>(&self, place: Place<'_>) -> Result<T> {
         match place {
-            Place::S3dc { layout, payload, local } => Ok(layout.voxel::<T>(&payload, local)),
+            Place::S3dc { layout, payload, local } => Ok(s3dc_voxel(layout, &payload, local)),
             Place::Value(value) => Ok(typed(value)),
             Place::Other { entry, layout, payload, local } => {
                 let Codec::Raw = entry.codec else { unreachable!("every other codec has its own place") };
@@ -117,14 +117,32 @@ impl Volume {
 
 /// A value as the Rust type that it is known to have.
 pub(super) fn typed<T: Sample>(value: SampleValue) -> T {
-    let raw = value.to_raw();
-    let ne = match T::TYPE {
-        SampleType::U8 => return bytemuck::cast_slice(&[raw as u8])[0],
-        SampleType::U16 | SampleType::I16 => return bytemuck::cast_slice(&[raw as u16])[0],
-        SampleType::F32 => return bytemuck::cast_slice(&[raw])[0],
-        SampleType::Rgb8 => raw.to_le_bytes(),
-    };
-    bytemuck::cast_slice(&ne[..3])[0]
+    match value {
+        SampleValue::U8(v) => same(v),
+        SampleValue::U16(v) => same(v),
+        SampleValue::I16(v) => same(v),
+        SampleValue::F32(v) => same(v),
+        SampleValue::Rgb8(v) => same(v),
+    }
+}
+
+/// `v` itself, where `A` and `B` are one type under two names.
+#[inline]
+fn same<A: Sample, B: Sample>(v: A) -> B {
+    assert!(A::TYPE == B::TYPE, "checked against the volume's type");
+    bytemuck::cast_slice(&[v])[0]
+}
+
+/// The type is known when this is compiled: no match remains.
+#[inline]
+fn s3dc_voxel<T: Sample>(layout: &s3dc::Layout, payload: &[u8], c: Coord) -> T {
+    match T::TYPE {
+        SampleType::U8 => same(layout.voxel::<u8>(payload, c)),
+        SampleType::U16 => same(layout.voxel::<u16>(payload, c)),
+        SampleType::I16 => same(layout.voxel::<i16>(payload, c)),
+        SampleType::F32 => same(layout.voxel::<f32>(payload, c)),
+        SampleType::Rgb8 => unreachable!("s3dc holds scalars only"),
+    }
 }
 
 #[cold]

@@ -111,7 +111,7 @@ impl<W: Write + Seek> VolumeWriter<W> {
             brick_log2,
             codecs: vec![CodecEntry { id, stream_version, params }],
             placement: options.placement.clone(),
-            null_value: null_wire(null),
+            null_value: VolumeDescriptor::null_field(null),
             value_map: options.value_map,
             source_range: (0.0, 0.0),
             achieved: None,
@@ -121,7 +121,6 @@ impl<W: Write + Seek> VolumeWriter<W> {
         let octree = Octree::new(&descriptor)?;
         let encoder = BrickEncoder {
             codec,
-            endpoints: options.endpoints,
             zstd: options.zstd,
             non_finite: options.non_finite,
             null,
@@ -153,7 +152,7 @@ impl<W: Write + Seek> VolumeWriter<W> {
 
     /// Gives a non-finite sample its position in the volume instead of in the brick.
     fn locate(&self, error: Error, samples: View<'_>, at: At, brick: Coord) -> Error {
-        match super::brick_encoder::find_non_finite(samples) {
+        match crate::codec::first_non_finite(&samples) {
             Some(c) if error.code() == Code::NonFinite => {
                 let origin = self.octree.brick_region(at.lod, brick).start;
                 let value = samples.row::<f32>(c[1], c[2])[c[0] as usize];
@@ -184,11 +183,9 @@ impl<W: Write + Seek> VolumeWriter<W> {
         }
         match node.kind {
             NodeKind::Stored => {
-                let zstd = node.flags.contains(crate::container::NodeFlags::ZSTD);
-                let align = if zstd { 4 } else { self.encoder.codec.align_log2() };
-                self.file.put_stored(tree, at.lod, brick, node, &payload, align)
+                self.file.put_stored(tree, at.lod, brick, &node, &payload)
             }
-            NodeKind::Constant => self.file.put_constant(tree, at.lod, brick, node),
+            NodeKind::Constant => self.file.put_constant(tree, at.lod, brick, &node),
             NodeKind::Empty => Ok(()),
         }
     }
@@ -215,7 +212,7 @@ impl<W: Write + Seek> VolumeWriter<W> {
         let original = voxels * d.sample_type.bytes() as f64;
         let (ratio_formula, s3dc) = match self.encoder.codec {
             Codec::Raw => (1.0, None),
-            Codec::S3dc(params) => (crate::codec::s3dc::ratio_formula(&params, d.sample_type, d.dims), Some(params)),
+            Codec::S3dc(params) => (crate::codec::s3dc::formula_ratio(d.dims, 8 * d.sample_type.bytes() as u32, &params), Some(params)),
         };
         let report = EncodeReport {
             codec: self.encoder.codec.name(),
@@ -256,12 +253,4 @@ pub(super) fn null_sample(t: SampleType, value: f64) -> Result<SampleValue> {
         return Ok(sample);
     }
     Err(Error::param("null-value", format!("{value} is not a value that {t} holds exactly")))
-}
-
-/// The null value as the file stores it: one word per component.
-fn null_wire(value: SampleValue) -> [u32; 4] {
-    match value {
-        SampleValue::Rgb8([r, g, b]) => [u32::from(r), u32::from(g), u32::from(b), 0],
-        scalar => [scalar.to_raw(), 0, 0, 0],
-    }
 }

@@ -18,9 +18,11 @@ pub(super) fn run(args: &Compare) -> Result<Verdict> {
     if args.common.json {
         println!("{:#}", comparison_json(&c, &failed));
     } else {
-        let [x, y, z] = c.max_error_at;
         println!("range       {} (max − min of {})", c.range, args.a.display());
-        println!("max error   {} at {x},{y},{z} (x,y,z)", c.max_error);
+        match c.max_error_at {
+            Some([x, y, z]) => println!("max error   {} at {x},{y},{z} (x,y,z)", c.max_error),
+            None => println!("max error   0"),
+        }
         println!("mean error  {:.6}", c.mean_error);
         println!("RMSE        {:.6}", c.rmse);
         println!("PSNR        {}", psnr_text(c.psnr, c.identical));

@@ -87,7 +87,7 @@ fn meta(args: &Encode, header: &Value) -> String {
 pub(super) fn report_json(r: &EncodeReport) -> Value {
     json!({
         "codec": r.codec,
-        "index_bits": r.s3dc.map(|p| p.index_bits()),
+        "index_bits": r.s3dc.map(|p| p.i_bits()),
         "block": r.s3dc.map(|p| p.block().to_array()),
         "max_error": r.max_error,
         "mean_error": r.mean_error,
@@ -105,7 +105,7 @@ pub(super) fn report_json(r: &EncodeReport) -> Value {
 
 fn report_text(r: &EncodeReport) -> String {
     let codec = match r.s3dc {
-        Some(p) => format!("s3dc, {} bits, blocks of {}, {}", p.index_bits(), p.block(), p.endpoints().name()),
+        Some(p) => format!("s3dc, {} bits, blocks of {}, {}", p.i_bits(), p.block(), p.endpoints().name()),
         None => "raw (lossless)".into(),
     };
     let ratio = |v: f64| if v.is_finite() { format!("{v:.3}") } else { "-".into() };

@@ -4,6 +4,7 @@ use crate::cli::args::Info;
 use crate::cli::output::{Verdict, bytes_text, number};
 use crate::codec::{Codec, s3dc};
 use crate::error::Result;
+use crate::metrics::psnr;
 use crate::volume::{BrickCounts, Volume};
 use serde_json::{Value, json};
 
@@ -36,9 +37,9 @@ fn describe(volume: &Volume, bricks: &BrickCounts) -> Result<Value> {
             }
             Ok(Codec::S3dc(p)) => {
                 names.push("s3dc".to_owned());
-                formula = number(s3dc::ratio_formula(&p, d.sample_type, d.dims));
+                formula = number(s3dc::formula_ratio(d.dims, 8 * d.sample_type.bytes() as u32, &p));
                 parameters.push(json!({
-                    "codec": "s3dc", "index_bits": p.index_bits(), "block": p.block().to_array(),
+                    "codec": "s3dc", "index_bits": p.i_bits(), "block": p.block().to_array(),
                     "endpoints": p.endpoints().name(),
                 }));
             }
@@ -52,7 +53,7 @@ fn describe(volume: &Volume, bricks: &BrickCounts) -> Result<Value> {
         formula = Value::Null; // one formula cannot speak for several codecs
     }
     let p = &d.placement;
-    let psnr = d.achieved.and_then(|a| crate::metrics::psnr(d.source_range.1 - d.source_range.0, a.rmse));
+    let psnr = d.achieved.and_then(|a| psnr(d.source_range.1 - d.source_range.0, a.rmse));
     Ok(json!({
         "dims": d.dims.to_array(),
         "sample_type": d.sample_type.name(),
@@ -97,7 +98,7 @@ fn text(j: &Value) -> String {
     let codec: Vec<String> = codec.collect();
     let b = &j["bricks"];
     let error = match j["max_error"].as_f64() {
-        Some(e) => format!("max {e}, mean {}, RMSE {}, PSNR {}", num(&j["mean_error"]), num(&j["rmse"]), psnr(j)),
+        Some(e) => format!("max {e}, mean {}, RMSE {}, PSNR {}", num(&j["mean_error"]), num(&j["rmse"]), psnr_of(j)),
         None => "unknown".into(),
     };
     format!(
@@ -146,7 +147,7 @@ fn join(values: &[Value], separator: &str) -> String {
     values.iter().map(ToString::to_string).collect::<Vec<_>>().join(separator)
 }
 
-fn psnr(j: &Value) -> String {
+fn psnr_of(j: &Value) -> String {
     match (j["psnr"].as_f64(), j["max_error"].as_f64()) {
         (Some(db), _) => format!("{db:.2} dB"),
         (None, Some(0.0)) => "inf (lossless)".into(),
