@@ -33,6 +33,7 @@ pub(super) struct Tables {
     parts: Vec<Part>,
     brik_flags: SectionFlags,
     stored: u64,
+    stored_bytes: u64,
     given_id: Option<[u8; 16]>,
     vold: Vec<u8>,
 }
@@ -46,15 +47,16 @@ pub(super) struct Assembled {
 }
 
 impl Tables {
-    /// Collects sections, features and flags. `nodes` have been joined; `order` is that of the stored bricks.
+    /// Collects sections, features and flags. `nodes` have been joined; `order` is that of the stored bricks. Of
+    /// `superblock`, version and bits that are optional to read are taken over.
     pub(super) fn new(
+        mut superblock: Superblock,
         nodes: &NodeStore,
         order: &[Placed],
         d: &VolumeDescriptor,
         options: FinishOptions,
     ) -> Result<Self> {
         let zstd = nodes.pages.values().flatten().any(|n| n.flags.contains(NodeFlags::ZSTD));
-        let mut superblock = Superblock::new();
         superblock.required = if zstd { REQUIRED_ZSTD } else { 0 };
         superblock.optional = options.optional & !OPTIONAL_NAN_REPLACED;
         superblock.optional |= if d.replaced > 0 { OPTIONAL_NAN_REPLACED } else { 0 };
@@ -92,15 +94,17 @@ impl Tables {
             parts,
             brik_flags: brik_flags(nodes, order),
             stored: order.len() as u64,
+            stored_bytes: order.iter().map(|p| u64::from(nodes.node(p.ordinal, p.slot).stored_len)).sum(),
             given_id: options.file_id,
             vold,
         })
     }
 
     /// Where the bricks start, and what lies before them.
-    pub(super) fn plan_head(&self, reserved: bool) -> HeadPlan {
+    pub(super) fn plan_head(&self) -> HeadPlan {
+        let compact = self.stored_bytes <= layout::COMPACT_BYTES;
         let table = u64::from(self.superblock.section_count) * ENTRY_BYTES as u64;
-        layout::plan_head(SUPERBLOCK_BYTES as u64 + table, &self.parts, reserved)
+        layout::plan_head(SUPERBLOCK_BYTES as u64 + table, &self.parts, compact)
     }
 
     /// All bytes, now that the nodes have their offsets and the bricks end at `bricks_end`.
@@ -114,11 +118,7 @@ impl Tables {
         let (chunks, refs) = build_chunks(&page_entries, place(|c| matches!(c, Content::Chunks)));
         let page_count = page_entries.len() as u64;
         let pdir = known(section::PDIR, SectionFlags::CRITICAL, write_refs(&refs), refs.len(), REF_BYTES);
-        let mut hash = blake3::Hasher::new();
-        hash.update(&self.vold).update(&pdir.bytes);
-        let mut file_id = [0; 16];
-        file_id.copy_from_slice(&hash.finalize().as_bytes()[..16]);
-        let file_id = self.given_id.unwrap_or(file_id);
+        let file_id = self.given_id.unwrap_or_else(|| content_id(&self.vold, &pdir.bytes));
 
         let mut head = vec![0; to_usize(plan.bricks)?];
         let mut tail = vec![0; to_usize(len - bricks_end)?];
@@ -159,6 +159,12 @@ impl Tables {
         put(0, &self.superblock.write_to())?;
         Ok(Assembled { head, tail, len, file_id })
     }
+}
+
+/// The file id that follows from the content (spec: HDR-13).
+pub(super) fn content_id(vold: &[u8], pdir: &[u8]) -> [u8; 16] {
+    let hash = blake3::Hasher::new().update(vold).update(pdir).finalize();
+    std::array::from_fn(|i| hash.as_bytes()[i])
 }
 
 /// META and foreign sections in the order of their FourCC, META first.

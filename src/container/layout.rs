@@ -5,15 +5,10 @@
 
 use crate::limits::HEAD_BYTES;
 
-/// Where the bricks start.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
-pub enum BrickBase {
-    /// Directly behind the tables of a file of up to 4 MiB, else at 16 KiB.
-    #[default]
-    Auto,
-    /// At 16 KiB, whatever the tables need (spec: SEC-16).
-    Reserved,
-}
+/// A file whose stored payloads total at most this many bytes is compact: its bricks follow its tables directly. Every
+/// other one has its bricks from 16 KiB on, so that a writer needs not know all of them before it writes the first
+/// (spec: SEC-16).
+pub(super) const COMPACT_BYTES: u64 = 4 << 20;
 
 /// A contiguous part: a section, all chunks, or all pages.
 #[derive(Clone, Copy, Debug)]
@@ -32,7 +27,7 @@ pub(super) struct HeadPlan {
 }
 
 /// Places the parts that fit in the first 16 KiB behind the section table (spec: SEC-15).
-pub(super) fn plan_head(table_end: u64, parts: &[Part], reserved: bool) -> HeadPlan {
+pub(super) fn plan_head(table_end: u64, parts: &[Part], compact: bool) -> HeadPlan {
     let mut cursor = table_end;
     let mut in_head = Vec::with_capacity(parts.len());
     for part in parts {
@@ -43,7 +38,7 @@ pub(super) fn plan_head(table_end: u64, parts: &[Part], reserved: bool) -> HeadP
             cursor = start + part.len;
         }
     }
-    HeadPlan { in_head, bricks: if reserved { HEAD_BYTES } else { align_up(cursor, 4) } }
+    HeadPlan { in_head, bricks: if compact { align_up(cursor, 4) } else { HEAD_BYTES } }
 }
 
 /// Places all parts, and returns the file's length too. `bricks_end` is where `BRIK` ends.

@@ -24,8 +24,10 @@ mod meta;
 mod node;
 mod octree;
 mod parse;
+mod rewrite;
 mod section;
 mod store;
+pub mod strict;
 mod superblock;
 mod table;
 mod wire;
@@ -34,15 +36,18 @@ mod write;
 pub use descriptor::{Achieved, CODEC_RAW, CODEC_S3DC, CodecEntry, VolumeDescriptor};
 pub use directory::{CHUNK_PAGES, ChunkRef, PAGE_NODES, PageEntry, parse_chunk, parse_page};
 pub use features::{FeatureName, OPTIONAL_NAN_REPLACED, REQUIRED_ZSTD};
-pub use layout::BrickBase;
 pub use leader::{LEADER_BYTES, Leader, find_leaders};
 pub use meta::check_meta;
 pub use node::{Node, NodeFlags, NodeKind, round_down_f32, round_up_f32};
 pub use octree::{Level, Octree};
 pub use parse::{Head, HeadParser, Step};
+pub use rewrite::rewrite;
 pub use section::{ExtraSection, FourCc, SectionEntry, SectionFlags};
 pub use superblock::{FileLayout, MAGIC, SUPERBLOCK_BYTES, Superblock};
 pub use write::{FileSummary, FileWriter, FinishOptions};
 
 /// Zero bytes behind every payload, so that decoders may load whole words (spec: BRK-4).
 pub const GUARD_BYTES: u64 = 16;
+
+#[cfg(test)]
+mod tests;

@@ -23,7 +23,7 @@ use binrw::binrw;
 /// Bytes of the superblock.
 pub const SUPERBLOCK_BYTES: usize = 256;
 
-/// `AB "VUG 10" BB CR LF ^Z LF` (spec: HDR-1).
+/// The first 12 bytes of every file: `AB "VUG 10" BB CR LF ^Z LF` (spec: HDR-1).
 pub const MAGIC: [u8; 12] = [0xAB, 0x56, 0x55, 0x47, 0x20, 0x31, 0x30, 0xBB, 0x0D, 0x0A, 0x1A, 0x0A];
 /// The version that is written. Any minor of this major is read (spec: HDR-2, VER-1).
 pub(super) const MAJOR: u16 = 1;

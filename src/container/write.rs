@@ -1,18 +1,16 @@
 //! Writing a head file: bricks as they come, tables when everything is known (spec chapters 2 to 6).
 
 use super::assemble::{self, Tables};
-use super::layout::{BrickBase, payload_start};
+use super::layout::{COMPACT_BYTES, payload_start};
 use super::leader::{LEADER_BYTES, Leader};
 use super::store::NodeStore;
+use super::superblock::Superblock;
 use super::{ExtraSection, FeatureName, GUARD_BYTES, Node, NodeFlags, NodeKind, Octree, VolumeDescriptor};
 use crate::checksum::crc32;
 use crate::error::{Code, Error, Result};
 use crate::geometry::Coord;
 use crate::limits::{self, HEAD_BYTES};
 use std::io::{BufWriter, Seek, SeekFrom, Write};
-
-/// Bricks kept in memory before the writer decides that the file will not be compact.
-const COMPACT_BYTES: usize = 4 << 20;
 
 /// What a file says besides its volume.
 #[derive(Clone, Debug, Default)]
@@ -78,15 +76,7 @@ impl<W: Write + Seek> FileWriter<W> {
     /// # Errors
     /// Those of [`VolumeDescriptor::check`].
     pub fn new(out: W, descriptor: &VolumeDescriptor) -> Result<Self> {
-        FileWriter::with_base(out, descriptor, BrickBase::Auto)
-    }
-
-    /// As [`FileWriter::new`], with the place of the first brick chosen.
-    ///
-    /// # Errors
-    /// As [`FileWriter::new`]; `E_SOURCE` where 16 KiB cannot be written.
-    pub fn with_base(out: W, descriptor: &VolumeDescriptor, base: BrickBase) -> Result<Self> {
-        let mut writer = FileWriter {
+        Ok(FileWriter {
             out: BufWriter::new(out),
             descriptor: descriptor.clone(),
             octree: Octree::new(descriptor)?,
@@ -95,11 +85,7 @@ impl<W: Write + Seek> FileWriter<W> {
             buffer: Some(Vec::new()),
             cursor: 0,
             stored_bytes: 0,
-        };
-        if base == BrickBase::Reserved {
-            writer.start_streaming()?;
-        }
-        Ok(writer)
+        })
     }
 
     /// The octree that bricks are put into.
@@ -122,10 +108,8 @@ impl<W: Write + Seek> FileWriter<W> {
         let stored_len = u32::try_from(payload.len()).expect("at most 64 MiB");
         let mut node = Node { offset: 0, child_mask: 0, stored_len, crc: crc32(payload), ..*node };
         self.check_node(&node, NodeKind::Stored)?;
-        if let Some(buffer) = &self.buffer {
-            if buffer.len() + payload.len() > COMPACT_BYTES {
-                self.start_streaming()?;
-            }
+        if self.stored_bytes + payload.len() as u64 > COMPACT_BYTES {
+            self.start_streaming()?;
         }
         if self.buffer.is_none() {
             node.offset = payload_start(self.cursor, align_log2);
@@ -168,8 +152,8 @@ impl<W: Write + Seek> FileWriter<W> {
             ));
         }
         self.nodes.join(&self.octree, descriptor.null_sample());
-        let tables = Tables::new(&self.nodes, &self.order, descriptor, options)?;
-        let plan = tables.plan_head(self.buffer.is_none());
+        let tables = Tables::new(Superblock::new(), &self.nodes, &self.order, descriptor, options)?;
+        let plan = tables.plan_head();
         let mut end = self.cursor;
         if self.buffer.is_some() {
             end = plan.bricks;
