@@ -48,6 +48,11 @@ pub fn open(bytes: Vec<u8>) -> Volume {
     Volume::open(MemorySource(bytes), Limits::default()).unwrap()
 }
 
+/// All errors of the strict validator.
+pub fn verify(bytes: &[u8]) -> Vec<vug::Error> {
+    volume::verify(&MemorySource(bytes), &Limits::default(), &mut |_, _| {}).errors
+}
+
 /// Folder of real volumes: `VUG_DATA`, else `../shared/data`; says so where there is none.
 pub fn data() -> Option<PathBuf> {
     let dir = std::env::var_os("VUG_DATA")
