@@ -96,6 +96,21 @@ impl Grid {
         Ok(grid)
     }
 
+    /// A grid over bytes that are in place already: samples in the machine's byte order, x fastest.
+    ///
+    /// # Errors
+    /// As [`Grid::zeros`]; `E_PARAM` where the number of bytes is not that of the extent.
+    pub fn from_aligned(extent: Extent, sample_type: SampleType, bytes: AlignedBytes) -> Result<Self> {
+        let len = dense_len(extent, sample_type)?;
+        if bytes.len != len {
+            return Err(Error::param(
+                "samples",
+                format!("{} bytes given for {extent} voxels of {sample_type}", bytes.len),
+            ));
+        }
+        Ok(Grid { extent, sample_type, bytes })
+    }
+
     /// Voxels per axis.
     #[must_use]
     pub const fn extent(&self) -> Extent {
@@ -285,6 +300,26 @@ impl<'a> ViewMut<'a> {
         }
     }
 
+    /// Slices `0..z` and the rest: two boxes that can be written at the same time.
+    #[must_use]
+    pub fn split_at_z(self, z: u32) -> (ViewMut<'a>, ViewMut<'a>) {
+        let cut = (z as usize * self.slice_pitch).min(self.bytes.len());
+        let (low, high) = self.bytes.split_at_mut(cut);
+        let (extent, sample_type, row_pitch, slice_pitch) =
+            (self.extent, self.sample_type, self.row_pitch, self.slice_pitch);
+        let part = |bytes, depth| ViewMut { bytes, extent: Extent { z: depth, ..extent }, sample_type, row_pitch, slice_pitch };
+        (part(low, z), part(high, extent.z - z))
+    }
+
+    /// Sets every voxel to `value`, which must be of the box's type.
+    pub fn fill<T: Sample>(&mut self, value: T) {
+        for z in 0..self.extent.z {
+            for y in 0..self.extent.y {
+                self.row_mut::<T>(y, z).fill(value);
+            }
+        }
+    }
+
     /// Row (y, z) as samples to be written; see [`View::row`].
     #[must_use]
     pub fn row_mut<T: Sample>(&mut self, y: u32, z: u32) -> &mut [T] {
@@ -321,6 +356,12 @@ pub trait SlabReader: Send {
     /// The whole volume where it lies in memory already: saves the copy.
     fn as_view(&self) -> Option<View<'_>> {
         None
+    }
+}
+
+impl std::fmt::Debug for Grid {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "Grid({} {})", self.extent, self.sample_type)
     }
 }
 

@@ -7,6 +7,7 @@ pub mod error;
 pub mod geometry;
 pub mod grid;
 pub mod limits;
+pub mod supercompression;
 pub mod voxel;
 
 pub mod codec;
@@ -16,8 +17,8 @@ pub mod convert;
 pub mod metrics;
 pub mod source;
 
-#[cfg(feature = "cli")]
-pub mod cli;
+//#[cfg(feature = "cli")]
+//pub mod cli;
 pub mod volume;
 
 pub use error::{Code, Error, Result};

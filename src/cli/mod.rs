@@ -1,1 +1,37 @@
-//! cli.
+//! The `vug` program: arguments, files in and out, tables and JSON. It uses nothing but the library's public API.
+
+mod args;
+mod cmd;
+mod load;
+mod output;
+mod phantom;
+mod picture;
+mod report;
+
+use clap::Parser;
+use std::process::ExitCode;
+
+/// Runs the program with the process's arguments.
+///
+/// Exit codes: 0 fine; 1 a result is over its bound, or bricks were lost; 2 wrong usage; 3 unreadable or corrupt input.
+#[must_use]
+pub fn main() -> ExitCode {
+    let args = args::Vug::parse(); // exits with 2 where it cannot
+    let common = args.command.common().clone();
+    let jobs = common.jobs.unwrap_or(0);
+    // 0 threads means one per core.
+    if let Err(e) = rayon::ThreadPoolBuilder::new().num_threads(jobs).build_global() {
+        eprintln!("vug: cannot start {jobs} threads: {e}");
+        return ExitCode::from(3);
+    }
+    match cmd::run(args.command) {
+        Ok(verdict) => ExitCode::from(verdict as u8),
+        Err(error) => {
+            if common.json {
+                println!("{}", serde_json::json!({ "error": output::error_json(&error) }));
+            }
+            eprintln!("vug: {error}");
+            ExitCode::from(output::exit_code(&error))
+        }
+    }
+}

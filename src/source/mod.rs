@@ -1,1 +1,72 @@
-//! source.
+//! Where bytes come from and go to: memory, files, memory maps; and files that appear whole or not at all.
+//!
+//! A source knows nothing of the format. The container says which range it wants; a source delivers it.
+
+mod atomic;
+mod file;
+mod memory;
+mod mmap;
+
+pub use atomic::AtomicFile;
+pub use file::FileSource;
+pub use memory::MemorySource;
+pub use mmap::MmapSource;
+
+use crate::error::{Code, Error, Result};
+
+/// A file-like thing that can be read at any byte offset, by many threads at once.
+pub trait ByteSource: Send + Sync {
+    /// Length in bytes.
+    fn len(&self) -> u64;
+
+    /// Whether there is not a single byte.
+    fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Fills `out` from byte `offset` on.
+    ///
+    /// # Errors
+    /// `E_TRUNCATED` where the range passes the end, `E_SOURCE` where the transport fails.
+    fn read_at(&self, offset: u64, out: &mut [u8]) -> Result<()>;
+
+    /// All bytes, where they lie in memory already: readers then copy nothing.
+    fn as_slice(&self) -> Option<&[u8]> {
+        None
+    }
+}
+
+impl<S: ByteSource + ?Sized> ByteSource for Box<S> {
+    fn len(&self) -> u64 {
+        (**self).len()
+    }
+    fn read_at(&self, offset: u64, out: &mut [u8]) -> Result<()> {
+        (**self).read_at(offset, out)
+    }
+    fn as_slice(&self) -> Option<&[u8]> {
+        (**self).as_slice()
+    }
+}
+
+/// Checks that `offset..offset + len` lies in a source of `source_len` bytes.
+fn check_range(offset: u64, len: usize, source_len: u64) -> Result<()> {
+    match offset.checked_add(len as u64) {
+        Some(end) if end <= source_len => Ok(()),
+        _ => Err(Error::at(
+            Code::Truncated,
+            offset,
+            "file",
+            format!("{len} bytes wanted, but the file ends at byte {source_len}; fetch the file again or use salvage"),
+        )),
+    }
+}
+
+/// The part of a slice that a read wants.
+fn slice_range(bytes: &[u8], offset: u64, len: usize) -> Result<&[u8]> {
+    check_range(offset, len, bytes.len() as u64)?;
+    let start = usize::try_from(offset).expect("inside a slice");
+    Ok(&bytes[start..start + len])
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,358 @@
+//! The command line, declared.
+
+use crate::error::{Error, Result};
+use crate::geometry::{Extent, Region};
+use crate::volume::{Axis, Bound};
+use crate::voxel::SampleType;
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use std::path::PathBuf;
+
+/// Compresses 3D volumes so that every voxel, plane, block, brick or region can be read alone.
+///
+/// Axis order is x, y, z everywhere, x fastest. Exit codes: 0 fine, 1 a result is over its bound or bricks were lost,
+/// 2 wrong usage, 3 unreadable or corrupt input.
+#[derive(Parser)]
+#[command(name = "vug", version, propagate_version = true, after_help = EXAMPLES)]
+pub(super) struct Vug {
+    #[command(subcommand)]
+    pub(super) command: Command,
+}
+
+const EXAMPLES: &str = "Examples:
+  vug demo                                     a synthetic volume, several settings, one page to look at
+  vug encode head.nrrd head.vug                4 bits per voxel, blocks of 4×4×4
+  vug encode head.nii.gz head.vug --max-error 1%
+  vug verify head.vug && vug info head.vug
+  vug decode head.vug back.nrrd
+  vug compare head.nrrd back.nrrd --json
+  vug slice head.vug --axis z --index 100 -o slice.png";
+
+#[derive(Subcommand)]
+pub(super) enum Command {
+    Demo(Demo),
+    Encode(Encode),
+    Decode(Decode),
+    Info(Info),
+    Verify(Verify),
+    Compare(Compare),
+    Slice(Slice),
+}
+
+impl Command {
+    pub(super) fn common(&self) -> &Common {
+        match self {
+            Command::Demo(c) => &c.common,
+            Command::Encode(c) => &c.common,
+            Command::Decode(c) => &c.common,
+            Command::Info(c) => &c.common,
+            Command::Verify(c) => &c.common,
+            Command::Compare(c) => &c.common,
+            Command::Slice(c) => &c.common,
+        }
+    }
+}
+
+#[derive(Args, Clone)]
+pub(super) struct Common {
+    /// Print one JSON object on stdout instead of text
+    #[arg(long)]
+    pub(super) json: bool,
+    /// Print nothing but results and errors
+    #[arg(short, long)]
+    pub(super) quiet: bool,
+    /// Threads to use; default: one per core. The output does not depend on it
+    #[arg(long, value_name = "N", value_parser = parse_jobs)]
+    pub(super) jobs: Option<usize>,
+}
+
+/// How to read files of other formats.
+#[derive(Args, Clone)]
+pub(super) struct Import {
+    /// Shape of a raw file, in voxels: x fastest
+    #[arg(long, value_name = "X,Y,Z", value_parser = parse_extent)]
+    pub(super) shape: Option<Extent>,
+    /// Sample type: of a raw file, or to convert another file's samples to [u8, u16, i16, f32, rgb8]
+    #[arg(long, value_name = "TYPE")]
+    pub(super) dtype: Option<SampleType>,
+}
+
+/// Makes a synthetic volume, encodes it with several settings, verifies and pictures it: see DIR/index.html
+#[derive(Args)]
+#[command(after_help = "Examples:\n  vug demo\n  vug demo /tmp/demo --force")]
+pub(super) struct Demo {
+    /// Folder for volumes, pictures and index.html
+    #[arg(default_value = "vug-demo")]
+    pub(super) dir: PathBuf,
+    /// Overwrite files that are there
+    #[arg(long)]
+    pub(super) force: bool,
+    #[command(flatten)]
+    pub(super) common: Common,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(super) enum CodecArg {
+    /// Block minimum and maximum and an index per voxel
+    S3dc,
+    /// Lossless
+    Raw,
+    /// s3dc, or raw where that is no larger or s3dc cannot hold the bound
+    Auto,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(super) enum EndpointsArg {
+    /// True minimum and maximum of the block, as in the paper: smallest maximum error
+    Minmax,
+    /// Least squares: smaller mean error, larger maximum error
+    Fitted,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(super) enum NanArg {
+    /// Stop and name the first one
+    Reject,
+    /// Store the null value instead, and count them in the file
+    Null,
+}
+
+/// Turns a volume (raw, npy, NRRD, NIfTI) into a .vug file
+#[derive(Args)]
+#[command(after_help = "Quality: give --index-bits and/or --block, or exactly one of --max-error, --psnr, --rate.
+Without any: s3dc, 4 bits, blocks of 4×4×4, bricks of 64³, minmax. With a bound and no --codec: auto.
+Explicit settings read raw and npy sources slab by slab, once; bounds read them twice, auto once more. NRRD and NIfTI
+that are compressed are held in memory.
+
+Examples:
+  vug encode head.nrrd head.vug
+  vug encode head.nrrd head.vug --index-bits 4 --block 16
+  vug encode ct.nii.gz ct.vug --max-error 10          no voxel is off by more than 10
+  vug encode ct.nii.gz ct.vug --max-error 0.5%        … of the volume's range
+  vug encode turb.raw turb.vug --shape 512,512,512 --dtype f32 --psnr 50
+  vug encode head.nrrd head.vug --no-zstd             to be mapped, or handed to the GPU as it is")]
+pub(super) struct Encode {
+    /// Volume to read: .nrrd .nhdr .nii .nii.gz .hdr .npy .raw
+    pub(super) source: PathBuf,
+    /// File to write
+    pub(super) target: PathBuf,
+    /// Codec
+    #[arg(long, value_enum)]
+    pub(super) codec: Option<CodecArg>,
+    /// Bits per index: 1, 2, 4 or 8 [default: 4]
+    #[arg(long, value_name = "BITS", conflicts_with_all = ["max_error", "psnr", "rate"], value_parser = parse_bits)]
+    pub(super) index_bits: Option<u8>,
+    /// Block in voxels, 1 to 128 per axis [default: 4]
+    #[arg(long, value_name = "N|X,Y,Z", conflicts_with_all = ["max_error", "psnr", "rate"], value_parser = parse_block)]
+    pub(super) block: Option<Extent>,
+    /// Largest error of any voxel, in sample units, or in % of the range (max − min)
+    #[arg(long, value_name = "E", conflicts_with_all = ["psnr", "rate"])]
+    pub(super) max_error: Option<Bound>,
+    /// Least PSNR in dB; the peak is the range of the source
+    #[arg(long, value_name = "DB", conflicts_with = "rate")]
+    pub(super) psnr: Option<f64>,
+    /// Most payload bits per voxel, before zstd
+    #[arg(long, value_name = "BITS")]
+    pub(super) rate: Option<f64>,
+    /// End points of a block
+    #[arg(long, value_enum, default_value = "minmax")]
+    pub(super) endpoints: EndpointsArg,
+    /// Brick edge in voxels: 16, 32, 64, 128, 256 [default: 64, or as large as the block]
+    #[arg(long, value_name = "N")]
+    pub(super) brick: Option<u32>,
+    /// Levels of detail, each half as large as the one before; 0: down to one brick
+    #[arg(long, value_name = "N", default_value = "1")]
+    pub(super) levels: u8,
+    /// Store payloads as they go to the GPU, without zstd
+    #[arg(long)]
+    pub(super) no_zstd: bool,
+    /// NaN and infinities
+    #[arg(long, value_enum, default_value = "reject")]
+    pub(super) nan: NanArg,
+    /// Value of voxels that need not be stored (background)
+    #[arg(long, value_name = "V", default_value = "0", allow_negative_numbers = true)]
+    pub(super) null_value: f64,
+    /// Keep no free text of the source's header: it can name patients
+    #[arg(long)]
+    pub(super) strip_metadata: bool,
+    /// File id, 32 hex digits, instead of one made from the content
+    #[arg(long, value_name = "HEX", value_parser = parse_file_id)]
+    pub(super) file_id: Option<[u8; 16]>,
+    /// Overwrite TARGET
+    #[arg(long)]
+    pub(super) force: bool,
+    #[command(flatten)]
+    pub(super) import: Import,
+    #[command(flatten)]
+    pub(super) common: Common,
+}
+
+/// Turns a .vug file back into a volume (NRRD, NIfTI, npy, raw, by the target's name)
+#[derive(Args)]
+#[command(after_help = "Examples:
+  vug decode head.vug back.nrrd
+  vug decode head.vug part.npy --region 0:64,0:64,10:20     x, y, z; the end is not included
+  vug decode head.vug small.nii.gz --level 1
+  vug decode damaged.vug rest.nrrd --salvage                lost bricks become the null value; exit 1")]
+pub(super) struct Decode {
+    /// .vug file
+    pub(super) source: PathBuf,
+    /// File to write: .nrrd .nhdr .nii .nii.gz .hdr .npy .raw
+    pub(super) target: PathBuf,
+    /// Level of detail; 0 is the finest
+    #[arg(long, value_name = "L", default_value = "0")]
+    pub(super) level: u8,
+    /// Part to decode, in voxels of the level, half open
+    #[arg(long, value_name = "X0:X1,Y0:Y1,Z0:Z1", value_parser = parse_region)]
+    pub(super) region: Option<Region>,
+    /// Decode what is whole of a damaged file; lost bricks become the null value and are listed
+    #[arg(long)]
+    pub(super) salvage: bool,
+    /// Overwrite TARGET
+    #[arg(long)]
+    pub(super) force: bool,
+    #[command(flatten)]
+    pub(super) common: Common,
+}
+
+/// Tells what a .vug file holds
+#[derive(Args)]
+#[command(after_help = "Examples:\n  vug info head.vug\n  vug info head.vug --json")]
+pub(super) struct Info {
+    /// .vug file
+    pub(super) file: PathBuf,
+    #[command(flatten)]
+    pub(super) common: Common,
+}
+
+/// Checks every byte of a .vug file against the spec
+#[derive(Args)]
+#[command(after_help = "Examples:\n  vug verify head.vug        exit 0: valid, 3: not\n  vug verify head.vug --json")]
+pub(super) struct Verify {
+    /// .vug file
+    pub(super) file: PathBuf,
+    #[command(flatten)]
+    pub(super) common: Common,
+}
+
+/// Compares two volumes of any readable format: B against the reference A
+#[derive(Args)]
+#[command(after_help = "PSNR takes the range (max − min) of A as its peak. SSIM is the mean over z slices, 11×11 Gaussian window.
+
+Examples:
+  vug compare head.nrrd back.nrrd
+  vug compare head.nrrd head.vug --json --max-error 9     exit 1 where an error is larger")]
+pub(super) struct Compare {
+    /// Reference
+    pub(super) a: PathBuf,
+    /// Volume to judge
+    pub(super) b: PathBuf,
+    /// Exit with 1 where a voxel is off by more (sample units, or % of the range of A)
+    #[arg(long, value_name = "E")]
+    pub(super) max_error: Option<Bound>,
+    /// Exit with 1 where the PSNR is lower, in dB
+    #[arg(long, value_name = "DB")]
+    pub(super) min_psnr: Option<f64>,
+    #[command(flatten)]
+    pub(super) import: Import,
+    #[command(flatten)]
+    pub(super) common: Common,
+}
+
+/// Writes a slice of a volume as PNG, or how it differs from another volume
+#[derive(Args)]
+#[command(after_help = "Orientation: z slices show x to the right and y down; y slices x right, z up; x slices y right, z up.
+Difference images show |FILE − SOURCE| in classes of SOURCE's range: dark blue none, blue below 5 %, green to 10 %,
+yellow to 15 %, red from 15 % on.
+
+Examples:
+  vug slice head.vug --axis z --index 100 -o slice.png
+  vug slice ct.nii.gz --axis y --index 128 --range -200,400 --colormap viridis -o slice.png
+  vug slice head.vug --axis z --index 100 --against head.nrrd -o difference.png")]
+pub(super) struct Slice {
+    /// Volume: .vug or any other readable file
+    pub(super) file: PathBuf,
+    /// Axis that the slice is perpendicular to: x, y or z
+    #[arg(long, default_value = "z")]
+    pub(super) axis: Axis,
+    /// Position along the axis, in voxels from 0 [default: the middle]
+    #[arg(long, value_name = "K")]
+    pub(super) index: Option<u32>,
+    /// PNG to write
+    #[arg(short, long, value_name = "PNG")]
+    pub(super) output: PathBuf,
+    /// Values that become black and white [default: the slice's range]
+    #[arg(long, value_name = "LO,HI", value_parser = parse_range, allow_hyphen_values = true)]
+    pub(super) range: Option<(f64, f64)>,
+    /// Colours instead of grey: viridis, magma, inferno, plasma, turbo, cividis, …
+    #[arg(long, value_name = "NAME")]
+    pub(super) colormap: Option<String>,
+    /// Picture the difference from this volume
+    #[arg(long, value_name = "SOURCE", conflicts_with_all = ["range", "colormap"])]
+    pub(super) against: Option<PathBuf>,
+    /// Level of detail of a .vug file
+    #[arg(long, value_name = "L", default_value = "0")]
+    pub(super) level: u8,
+    /// One pixel per voxel, whatever the spacing
+    #[arg(long)]
+    pub(super) no_aspect: bool,
+    /// Overwrite the PNG
+    #[arg(long)]
+    pub(super) force: bool,
+    #[command(flatten)]
+    pub(super) import: Import,
+    #[command(flatten)]
+    pub(super) common: Common,
+}
+
+fn numbers<T: std::str::FromStr>(s: &str, separator: char) -> Option<Vec<T>> {
+    s.split(separator).map(|part| part.trim().parse().ok()).collect()
+}
+
+fn parse_jobs(s: &str) -> Result<usize, String> {
+    s.parse().ok().filter(|n| (1..=1024).contains(n)).ok_or_else(|| "wants a number from 1 to 1024".into())
+}
+
+fn parse_extent(s: &str) -> Result<Extent> {
+    match numbers::<u32>(s, ',').as_deref() {
+        Some(&[x, y, z]) => Extent::new(x, y, z).check().map(|()| Extent::new(x, y, z)),
+        _ => Err(Error::param("shape", format!("{s:?} is not X,Y,Z"))),
+    }
+}
+
+fn parse_bits(s: &str) -> Result<u8, String> {
+    s.parse().ok().filter(|n| [1, 2, 4, 8].contains(n)).ok_or_else(|| "wants 1, 2, 4 or 8".into())
+}
+
+fn parse_block(s: &str) -> Result<Extent, String> {
+    let block = match numbers::<u32>(s, ',').as_deref() {
+        Some(&[n]) => Extent::cube(n),
+        Some(&[x, y, z]) => Extent::new(x, y, z),
+        _ => return Err("wants N or X,Y,Z".into()),
+    };
+    if block.to_array().iter().all(|n| (1..=128).contains(n)) {
+        return Ok(block);
+    }
+    Err("wants 1 to 128 voxels per axis".into())
+}
+
+fn parse_region(s: &str) -> Result<Region, String> {
+    let axes: Option<Vec<Vec<u32>>> = s.split(',').map(|axis| numbers(axis, ':')).collect();
+    match axes.as_deref() {
+        Some([x, y, z]) if [x, y, z].iter().all(|a| a.len() == 2) => {
+            Ok(Region { start: [x[0], y[0], z[0]], end: [x[1], y[1], z[1]] })
+        }
+        _ => Err("wants X0:X1,Y0:Y1,Z0:Z1".into()),
+    }
+}
+
+fn parse_range(s: &str) -> Result<(f64, f64), String> {
+    match numbers::<f64>(s, ',').as_deref() {
+        Some(&[lo, hi]) if lo.is_finite() && hi.is_finite() && lo <= hi => Ok((lo, hi)),
+        _ => Err("wants LO,HI with LO ≤ HI".into()),
+    }
+}
+
+fn parse_file_id(s: &str) -> Result<[u8; 16], String> {
+    let digits = (s.len() == 32 && s.is_ascii()).then(|| u128::from_str_radix(s, 16).ok()).flatten();
+    digits.map(u128::to_be_bytes).ok_or_else(|| "wants 32 hex digits".into())
+}

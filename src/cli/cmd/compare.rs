@@ -1,0 +1,66 @@
+//! `vug compare`: how far two volumes are apart.
+
+use crate::cli::args::Compare;
+use crate::cli::load::load;
+use crate::cli::output::{Verdict, number, progress, psnr_text};
+use crate::error::Result;
+use crate::metrics::{Comparison, compare};
+use crate::volume::Bound;
+use serde_json::{Value, json};
+
+pub(super) fn run(args: &Compare) -> Result<Verdict> {
+    let bar = progress(args.common.quiet || args.common.json, "comparing");
+    let a = load(&args.a, &args.import)?;
+    let b = load(&args.b, &args.import)?;
+    let c = compare(&a.grid.view(), &b.grid.view())?;
+    bar.finish_and_clear();
+    let failed = failures(args, &c);
+    if args.common.json {
+        println!("{:#}", comparison_json(&c, &failed));
+    } else {
+        println!("range       {} (max − min of {})", c.range, args.a.display());
+        let [x, y, z] = c.max_error_at;
+        println!("max error   {} at {x},{y},{z} (x,y,z)", c.max_error);
+        println!("mean error  {:.6}", c.mean_error);
+        println!("RMSE        {:.6}", c.rmse);
+        println!("PSNR        {}", psnr_text(c.psnr, c.identical));
+        println!("SSIM        {:.6}{}", c.ssim, if c.ssim_global { " (slices smaller than 11: one window each)" } else { "" });
+    }
+    for failure in &failed {
+        eprintln!("over the bound: {failure}");
+    }
+    Ok(if failed.is_empty() { Verdict::Ok } else { Verdict::Bad })
+}
+
+fn failures(args: &Compare, c: &Comparison) -> Vec<String> {
+    let mut failed = Vec::new();
+    if let Some(bound) = args.max_error {
+        let limit = match bound {
+            Bound::Absolute(v) => v,
+            Bound::Percent(p) => p / 100.0 * c.range,
+        };
+        if c.max_error > limit {
+            failed.push(format!("max error {} > {limit}", c.max_error));
+        }
+    }
+    // No PSNR means an infinite one only where the volumes are identical.
+    if let Some(least) = args.min_psnr.filter(|&least| !c.identical && c.psnr.is_none_or(|found| found < least)) {
+        failed.push(format!("PSNR {} < {least} dB", psnr_text(c.psnr, false)));
+    }
+    failed
+}
+
+/// A comparison as JSON.
+fn comparison_json(c: &Comparison, failed: &[String]) -> Value {
+    json!({
+        "range": number(c.range),
+        "max_error": number(c.max_error),
+        "max_error_at": c.max_error_at,
+        "mean_error": number(c.mean_error),
+        "rmse": number(c.rmse),
+        "psnr": c.psnr.map(number),
+        "ssim": number(c.ssim),
+        "identical": c.identical,
+        "failed": failed,
+    })
+}

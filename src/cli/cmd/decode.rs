@@ -1,0 +1,133 @@
+//! `vug decode`: a `.vug` file becomes a foreign volume.
+
+use crate::affine::Placement;
+use crate::cli::args::Decode;
+use crate::cli::output::{Verdict, error_json, progress};
+use crate::convert::{self, ExportInfo};
+use crate::error::Result;
+use crate::geometry::{Coord, Region};
+use crate::grid::Grid;
+use crate::limits::Limits;
+use crate::source::{AtomicFile, FileSource};
+use crate::volume::{At, LostBrick, Volume};
+use serde_json::{Value, json};
+use std::io::Write;
+
+pub(super) fn run(args: &Decode) -> Result<Verdict> {
+    convert::Format::of_target(&args.target)?; // before anything is decoded
+    let source = FileSource::open(&args.source)?;
+    let volume = if args.salvage {
+        Volume::open_salvage(source, Limits::default())?
+    } else {
+        Volume::open(source, Limits::default())?
+    };
+    let at = At::lod(args.level);
+    let extent = volume.levels().nth(usize::from(args.level));
+    let region = args.region.or(extent.map(Region::whole)).unwrap_or(Region { start: [0; 3], end: [0; 3] });
+    let bar = progress(args.common.quiet || args.common.json, "decoding");
+    let (grid, lost) = if args.salvage {
+        let salvaged = volume.salvage(at, region)?;
+        (salvaged.grid, salvaged.lost)
+    } else {
+        (decode(&volume, at, region, &bar)?, Vec::new())
+    };
+    bar.finish_and_clear();
+    let placement = moved(&volume.info().placement, args.level, region.start);
+    let meta: Option<Value> = match volume.meta() {
+        Ok(text) => text.and_then(|t| serde_json::from_str(&t).ok()),
+        Err(_) if args.salvage => None,
+        Err(e) => return Err(e),
+    };
+    let info = ExportInfo {
+        placement: &placement,
+        value_map: volume.info().value_map,
+        header: meta.as_ref().and_then(|m| m.get("source")),
+    };
+    for (path, bytes) in convert::export(&args.target, &grid, &info)? {
+        let mut file = AtomicFile::create(&path, args.force)?;
+        file.write_all(&bytes).map_err(|e| crate::Error::io(path.display(), e))?;
+        file.commit()?;
+    }
+    report(args, &volume, &grid, &lost);
+    Ok(if lost.is_empty() { Verdict::Ok } else { Verdict::Bad })
+}
+
+/// Decodes a region in slabs, so that the bar moves.
+fn decode(volume: &Volume, at: At, region: Region, bar: &indicatif::ProgressBar) -> Result<Grid> {
+    let whole = volume.levels().nth(usize::from(at.lod));
+    if let Some(extent) = whole {
+        region.check(extent)?;
+    }
+    let mut grid = Grid::zeros(region.extent(), volume.info().sample_type)?;
+    bar.set_length(u64::from(region.extent().z));
+    let step = 4 << volume.info().brick_log2;
+    let mut rest = grid.view_mut();
+    let mut z = region.start[2];
+    while z < region.end[2] {
+        let end = (z + step).min(region.end[2]);
+        let (now, later) = rest.split_at_z(end - z);
+        let part = Region { start: [region.start[0], region.start[1], z], end: [region.end[0], region.end[1], end] };
+        volume.read_region_into(at, part, now)?;
+        bar.inc(u64::from(end - z));
+        (rest, z) = (later, end);
+    }
+    Ok(grid)
+}
+
+/// Placement of a part of a coarser level: the centre of its first voxel, and the level's steps.
+fn moved(placement: &Placement, lod: u8, start: Coord) -> Placement {
+    let mut moved = placement.clone();
+    let step = f64::from(1u32 << lod);
+    for row in &mut moved.matrix {
+        for (axis, first) in start.into_iter().enumerate() {
+            // A voxel of level l covers 2^l voxels of level 0; its centre lies between theirs.
+            row[3] += row[axis] * (f64::from(first) * step + (step - 1.0) / 2.0);
+        }
+        for v in &mut row[..3] {
+            *v *= step;
+        }
+    }
+    moved
+}
+
+fn report(args: &Decode, volume: &Volume, grid: &Grid, lost: &[LostBrick]) {
+    if args.common.json {
+        let lost: Vec<Value> = lost
+            .iter()
+            .map(|l| json!({ "brick": l.brick, "region": l.region.to_string(), "error": error_json(&l.error) }))
+            .collect();
+        let cost = volume.cost();
+        println!(
+            "{:#}",
+            json!({
+                "dims": grid.extent().to_array(), "sample_type": grid.sample_type().name(), "level": args.level,
+                "reads": cost.reads, "bytes_read": cost.bytes, "lost": lost,
+            })
+        );
+        return;
+    }
+    if !args.common.quiet {
+        println!("{} → {}", args.source.display(), args.target.display());
+        println!("volume      {} {} (x, y, z)", grid.extent(), grid.sample_type());
+    }
+    for l in lost {
+        eprintln!("lost: brick {:?}, voxels {}: {}", l.brick, l.region, l.error);
+    }
+    if !lost.is_empty() {
+        eprintln!("{} bricks are lost and hold the null value", lost.len());
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test] // B-03: the centre of a coarse voxel lies between those of its children
+    fn parts_and_levels_stay_where_they_are() {
+        let p = Placement::from_spacing([2.0, 3.0, 4.0], [10.0, 20.0, 30.0]);
+        assert_eq!(moved(&p, 0, [1, 2, 3]).origin(), [12.0, 26.0, 42.0]);
+        assert_eq!(moved(&p, 1, [0, 0, 0]).origin(), [11.0, 21.5, 32.0]);
+        assert_eq!(moved(&p, 1, [1, 0, 0]).origin(), [15.0, 21.5, 32.0]);
+        assert_eq!(moved(&p, 1, [0, 0, 0]).spacing(), [4.0, 6.0, 8.0]);
+    }
+}

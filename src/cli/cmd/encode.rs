@@ -1,0 +1,134 @@
+//! `vug encode`: a foreign volume becomes a `.vug` file.
+
+use crate::cli::args::{CodecArg, Encode, EndpointsArg, NanArg};
+use crate::cli::load::import_options;
+use crate::cli::output::{Verdict, bytes_text, number, progress, psnr_text};
+use crate::codec::s3dc::Endpoints;
+use crate::convert;
+use crate::error::Result;
+use crate::geometry::Extent;
+use crate::source::AtomicFile;
+use crate::volume::{self, CodecChoice, EncodeOptions, EncodeReport, NonFinite, Quality};
+use serde_json::{Value, json};
+
+pub(super) fn run(args: &Encode) -> Result<Verdict> {
+    let mut source = convert::import(&args.source, &import_options(&args.import))?;
+    let mut options = options(args);
+    options.placement = source.placement.clone();
+    options.value_map = source.value_map;
+    options.meta = Some(meta(args, &source.header));
+    let (extent, sample_type) = (source.reader.extent(), source.reader.sample_type());
+    let mut file = AtomicFile::create(&args.target, args.force)?;
+    let bar = progress(args.common.quiet || args.common.json, "encoding");
+    let report = volume::encode(&mut *source.reader, &mut file, &options, &mut |done, total| {
+        bar.set_length(total);
+        bar.set_position(done);
+    })?;
+    file.commit()?;
+    bar.finish_and_clear();
+    if args.common.json {
+        let mut json = report_json(&report);
+        json["dims"] = json!(extent.to_array());
+        json["sample_type"] = json!(sample_type.name());
+        println!("{json:#}");
+    } else if !args.common.quiet {
+        println!("{} → {}", args.source.display(), args.target.display());
+        println!("volume      {extent} {sample_type} (x, y, z)");
+        print!("{}", report_text(&report));
+    }
+    for note in report.notes.iter().filter(|_| !args.common.quiet) {
+        eprintln!("note: {note}");
+    }
+    Ok(Verdict::Ok)
+}
+
+fn options(args: &Encode) -> EncodeOptions {
+    let bound = args.max_error.map(Quality::MaxError).or(args.psnr.map(Quality::Psnr)).or(args.rate.map(Quality::Rate));
+    let explicit = Quality::Explicit {
+        index_bits: args.index_bits.unwrap_or(4),
+        block: args.block.unwrap_or(Extent::cube(4)),
+    };
+    EncodeOptions {
+        codec: match args.codec {
+            Some(CodecArg::S3dc) => CodecChoice::S3dc,
+            Some(CodecArg::Raw) => CodecChoice::Raw,
+            Some(CodecArg::Auto) => CodecChoice::Auto,
+            None if matches!(bound, Some(Quality::MaxError(_) | Quality::Psnr(_))) => CodecChoice::Auto,
+            None => CodecChoice::S3dc,
+        },
+        quality: bound.unwrap_or(explicit),
+        endpoints: match args.endpoints {
+            EndpointsArg::Minmax => Endpoints::MinMax,
+            EndpointsArg::Fitted => Endpoints::Fitted,
+        },
+        brick: args.brick,
+        zstd: !args.no_zstd,
+        levels: args.levels,
+        non_finite: match args.nan {
+            NanArg::Reject => NonFinite::Reject,
+            NanArg::Null => NonFinite::Null,
+        },
+        null_value: args.null_value,
+        file_id: args.file_id,
+        ..EncodeOptions::default()
+    }
+}
+
+/// The `META` section: what wrote the file, and what the source's header said unless it is to be dropped.
+fn meta(args: &Encode, header: &Value) -> String {
+    let mut meta = json!({ "generator": concat!("vug ", env!("CARGO_PKG_VERSION")) });
+    if !args.strip_metadata {
+        meta["source"] = header.clone();
+    }
+    meta.to_string()
+}
+
+/// A report as JSON.
+pub(super) fn report_json(r: &EncodeReport) -> Value {
+    json!({
+        "codec": r.codec,
+        "index_bits": r.s3dc.map(|p| p.i_bits()),
+        "block": r.s3dc.map(|p| p.block().to_array()),
+        "max_error": r.max_error,
+        "mean_error": r.mean_error,
+        "rmse": r.rmse,
+        "psnr": r.psnr.map(number),
+        "range": [r.source_range.0, r.source_range.1],
+        "ratio": { "formula": number(r.ratio_formula), "payload": number(r.ratio_payload), "file": number(r.ratio_file) },
+        "bits_per_voxel": number(r.bits_per_voxel),
+        "bytes": r.bytes,
+        "bricks": { "stored": r.bricks[0], "constant": r.bricks[1], "empty": r.bricks[2] },
+        "replaced": r.replaced,
+        "notes": r.notes,
+    })
+}
+
+fn report_text(r: &EncodeReport) -> String {
+    let codec = match r.s3dc {
+        Some(p) => format!("s3dc, {} bits, blocks of {}, {}", p.i_bits(), p.block(), p.endpoints().name()),
+        None => "raw (lossless)".into(),
+    };
+    let ratio = |v: f64| if v.is_finite() { format!("{v:.3}") } else { "-".into() };
+    format!(
+        "codec       {codec}\n\
+         bricks      {} stored, {} constant, {} empty\n\
+         size        {} ({:.3} bits per voxel)\n\
+         ratio       {} formula, {} payload, {} file\n\
+         max error   {}\n\
+         mean error  {:.6}\n\
+         RMSE        {:.6}\n\
+         PSNR        {}\n",
+        r.bricks[0],
+        r.bricks[1],
+        r.bricks[2],
+        bytes_text(r.bytes),
+        r.bits_per_voxel,
+        ratio(r.ratio_formula),
+        ratio(r.ratio_payload),
+        ratio(r.ratio_file),
+        r.max_error,
+        r.mean_error,
+        r.rmse,
+        psnr_text(r.psnr, r.max_error == 0.0),
+    )
+}

@@ -1,0 +1,26 @@
+//! One file per subcommand.
+
+mod compare;
+mod decode;
+mod demo;
+mod encode;
+mod info;
+mod slice;
+mod verify;
+
+use super::args::Command;
+use super::output::Verdict;
+use crate::error::Result;
+
+/// Runs one command.
+pub(super) fn run(command: Command) -> Result<Verdict> {
+    match command {
+        Command::Demo(args) => demo::run(&args),
+        Command::Encode(args) => encode::run(&args),
+        Command::Decode(args) => decode::run(&args),
+        Command::Info(args) => info::run(&args),
+        Command::Verify(args) => verify::run(&args),
+        Command::Compare(args) => compare::run(&args),
+        Command::Slice(args) => slice::run(&args),
+    }
+}

@@ -1,0 +1,91 @@
+//! Any readable file as a grid: `.vug` by its first bytes, everything else by its name.
+
+use super::args;
+use crate::affine::{Placement, ValueMap};
+use crate::container::MAGIC;
+use crate::convert::{self, ImportOptions};
+use crate::error::{Error, Result};
+use crate::geometry::Extent;
+use crate::grid::Grid;
+use crate::volume::{At, Axis, Volume};
+use std::io::Read;
+use std::path::Path;
+
+/// A volume in memory and where it lies.
+pub(super) struct Loaded {
+    pub(super) grid: Grid,
+    pub(super) placement: Placement,
+    pub(super) value_map: ValueMap,
+}
+
+/// Whether the file starts as a `.vug` file does.
+pub(super) fn is_vug(path: &Path) -> Result<bool> {
+    let mut start = Vec::new();
+    let file = std::fs::File::open(path).map_err(|e| Error::io(path.display(), e))?;
+    file.take(MAGIC.len() as u64).read_to_end(&mut start).map_err(|e| Error::io(path.display(), e))?;
+    // The first four bytes are enough: a damaged magic is then reported as such.
+    Ok(start.starts_with(&MAGIC[..4]) || path.extension().is_some_and(|e| e == "vug"))
+}
+
+pub(super) fn import_options(import: &args::Import) -> ImportOptions {
+    ImportOptions { shape: import.shape, dtype: import.dtype, ..ImportOptions::default() }
+}
+
+/// Reads a whole volume.
+pub(super) fn load(path: &Path, import: &args::Import) -> Result<Loaded> {
+    if is_vug(path)? {
+        let volume = Volume::open_path(path)?;
+        let (placement, value_map) = (volume.info().placement.clone(), volume.info().value_map);
+        return Ok(Loaded { grid: volume.read(At::default())?, placement, value_map });
+    }
+    let mut source = convert::import(path, &import_options(import))?;
+    let mut grid = Grid::zeros(source.reader.extent(), source.reader.sample_type())?;
+    let planes = 0..grid.extent().z;
+    source.reader.read_slab(planes, grid.bytes_mut())?;
+    Ok(Loaded { grid, placement: source.placement, value_map: source.value_map })
+}
+
+/// Reads one plane; of a `.vug` file only the bricks that it cuts. `index` None is the middle.
+pub(super) fn load_plane(
+    path: &Path,
+    import: &args::Import,
+    lod: u8,
+    axis: Axis,
+    index: Option<u32>,
+) -> Result<(Loaded, u32)> {
+    let middle = |extent: Extent| index.unwrap_or(extent.to_array()[axis as usize] / 2);
+    if is_vug(path)? {
+        let volume = Volume::open_path(path)?;
+        let extent = volume.levels().nth(usize::from(lod)).unwrap_or(volume.info().dims);
+        let index = middle(extent);
+        let grid = volume.plane(At::lod(lod), axis, index)?;
+        let (placement, value_map) = (volume.info().placement.clone(), volume.info().value_map);
+        return Ok((Loaded { grid, placement, value_map }, index));
+    }
+    if lod != 0 {
+        return Err(Error::param("level", format!("{} has no levels of detail", path.display())));
+    }
+    let all = load(path, import)?;
+    let index = middle(all.grid.extent());
+    let grid = cut(&all.grid, axis, index)?;
+    Ok((Loaded { grid, ..all }, index))
+}
+
+/// Plane `index` across `axis` of a grid.
+pub(super) fn cut(grid: &Grid, axis: Axis, index: u32) -> Result<Grid> {
+    let mut region = crate::geometry::Region::whole(grid.extent());
+    region.start[axis as usize] = index;
+    region.end[axis as usize] = index.saturating_add(1);
+    region.check(grid.extent())?;
+    let view = grid.view().sub(&region);
+    let mut plane = Grid::zeros(view.extent, view.sample_type)?;
+    let row = view.extent.x as usize * view.sample_type.bytes();
+    let mut rows = plane.bytes_mut().chunks_exact_mut(row);
+    for z in 0..view.extent.z as usize {
+        for y in 0..view.extent.y as usize {
+            let start = y * view.row_pitch + z * view.slice_pitch;
+            rows.next().expect("as many rows").copy_from_slice(&view.bytes[start..start + row]);
+        }
+    }
+    Ok(plane)
+}

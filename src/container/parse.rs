@@ -1,0 +1,282 @@
+//! Opening a file, sans I/O: the parser says which bytes it wants, checks them in the order of spec chapter 9, and ends
+//! in a [`Head`].
+
+use super::directory::{self, ChunkRef, REF_BYTES};
+use super::features::{self, FeatureName};
+use super::section::{self, ENTRY_BYTES, FourCc, SectionEntry, show};
+use super::superblock::{SUPERBLOCK_BYTES, Superblock, glimpse};
+use super::table;
+use super::{Octree, VolumeDescriptor};
+use crate::error::{Code, Error, Result};
+use crate::geometry::Extent;
+use crate::limits::{self, HEAD_BYTES, Limits};
+use std::ops::Range;
+
+/// What the parser wants next.
+#[derive(Debug)]
+pub enum Step {
+    /// These bytes: read them and call [`HeadParser::supply`].
+    Need {
+        /// First byte in the file.
+        offset: u64,
+        /// Bytes; never beyond the source's length.
+        len: usize,
+    },
+    /// Nothing more: the file is open.
+    Done(Box<Head>),
+}
+
+/// All that opening a file has learned. Chunks, pages and `META` are read when they are needed.
+#[derive(Clone, Debug)]
+pub struct Head {
+    /// The first 256 bytes.
+    pub superblock: Superblock,
+    /// The section table, sorted by FourCC.
+    pub sections: Vec<SectionEntry>,
+    /// The volume.
+    pub descriptor: VolumeDescriptor,
+    /// Its octree.
+    pub octree: Octree,
+    /// Root directory: the chunks that are present, sorted by ordinal.
+    pub directory: Vec<ChunkRef>,
+    /// Names of the feature bits that are set, from `FNAM` or this version's own.
+    pub feature_names: Vec<FeatureName>,
+    /// The first bytes of the file, at most 16 KiB: what lies in them need not be read again.
+    pub head_bytes: Vec<u8>,
+    /// Length of the source; shorter than the superblock says only in a salvaged file.
+    pub source_len: u64,
+}
+
+impl Head {
+    /// The bytes `offset..offset + len` of the file, if the head holds them all.
+    #[must_use]
+    pub fn resident(&self, offset: u64, len: u64) -> Option<&[u8]> {
+        slice(&self.head_bytes, 0, offset, len)
+    }
+
+    /// The entry of a section.
+    #[must_use]
+    pub fn section(&self, fourcc: FourCc) -> Option<&SectionEntry> {
+        self.sections.iter().find(|s| s.fourcc == fourcc)
+    }
+
+    /// The bytes of a section in the file; empty where there is none.
+    pub(super) fn section_range(&self, fourcc: FourCc) -> Range<u64> {
+        self.section(fourcc).map_or(0..0, |s| s.offset..s.end())
+    }
+
+    /// The root entry of a chunk, or `None` where all its pages are EMPTY.
+    #[must_use]
+    pub fn chunk(&self, ordinal: u64) -> Option<&ChunkRef> {
+        let i = self.directory.binary_search_by_key(&ordinal, |c| c.ordinal).ok()?;
+        self.directory.get(i)
+    }
+}
+
+/// The sans-I/O state of opening a file.
+#[derive(Debug)]
+pub struct HeadParser {
+    source_len: u64,
+    limits: Limits,
+    salvage: bool,
+    pieces: Vec<(u64, Vec<u8>)>,
+}
+
+/// Why parsing stops: an error, or bytes that are not there yet.
+enum Stop {
+    Need(u64, usize),
+    Fail(Error),
+}
+
+impl From<Error> for Stop {
+    fn from(e: Error) -> Self {
+        Stop::Fail(e)
+    }
+}
+
+impl HeadParser {
+    /// Opens a file of `source_len` bytes.
+    #[must_use]
+    pub fn new(source_len: u64, limits: &Limits) -> Self {
+        HeadParser { source_len, limits: limits.clone(), salvage: false, pieces: Vec::new() }
+    }
+
+    /// Opens what is left of a file: a source shorter than the file's length is no error, all else still is.
+    #[must_use]
+    pub fn salvage(source_len: u64, limits: &Limits) -> Self {
+        HeadParser { salvage: true, ..HeadParser::new(source_len, limits) }
+    }
+
+    /// What is wanted next. The first wish is always for the first 16 KiB (or the whole file, if it is shorter); every
+    /// further one is for a table that lies beyond (spec: VAL-7).
+    ///
+    /// # Errors
+    /// The first violation in the order of spec chapter 9.
+    #[allow(clippy::should_implement_trait, reason = "not an iterator: it fails, and it wants bytes in between")]
+    pub fn next(&mut self) -> Result<Step> {
+        if self.pieces.is_empty() {
+            let len = self.source_len.min(HEAD_BYTES);
+            if len > 0 {
+                #[allow(clippy::cast_possible_truncation, reason = "at most 16 KiB")]
+                return Ok(Step::Need { offset: 0, len: len as usize });
+            }
+            self.pieces.push((0, Vec::new()));
+        }
+        match self.parse() {
+            Ok(head) => Ok(Step::Done(Box::new(head))),
+            Err(Stop::Need(offset, len)) => Ok(Step::Need { offset, len }),
+            Err(Stop::Fail(e)) => Err(e),
+        }
+    }
+
+    /// Delivers the bytes of a wish.
+    pub fn supply(&mut self, offset: u64, bytes: Vec<u8>) {
+        self.pieces.push((offset, bytes));
+    }
+
+    fn head(&self) -> &[u8] {
+        self.pieces.first().map_or(&[], |p| &p.1)
+    }
+
+    /// Bytes of the file, or the wish for them. The range has been checked against the file's declared length.
+    fn get(&self, offset: u64, len: u64, field: &'static str) -> Result<&[u8], Stop> {
+        if let Some(bytes) = self.pieces.iter().find_map(|(at, bytes)| slice(bytes, *at, offset, len)) {
+            return Ok(bytes);
+        }
+        let end = offset.checked_add(len).filter(|&end| end <= self.source_len);
+        // Asked for and delivered too short also ends here: the pieces tell.
+        let asked = self.pieces.iter().skip(1).any(|p| p.0 == offset);
+        if end.is_none() || asked {
+            let message = format!("{len} bytes at {offset} lie behind the end of the data; fetch the file again");
+            return Err(Error::at(Code::Truncated, self.source_len, field, message).into());
+        }
+        let len = usize::try_from(len).map_err(|_| {
+            Error::at(Code::Limit, offset, field, "the table does not fit this machine's address space")
+        })?;
+        Err(Stop::Need(offset, len))
+    }
+
+    /// Everything from the start with the bytes that are there: restarted after each wish, at most four times.
+    fn parse(&self) -> Result<Head, Stop> {
+        let superblock = Superblock::read_from(self.head()).map_err(|e| self.name_feature(e))?;
+        self.check_file_len(&superblock)?;
+        let sections = self.read_table(&superblock)?;
+        let find = |fourcc| table::mandatory(&sections, fourcc, superblock.section_table_offset);
+        let (vold, pdir) = (find(section::VOLD)?, find(section::PDIR)?);
+
+        limits::check("section.stored_length", vold.stored_len, self.limits.table_bytes).map_err(|e| at(e, vold))?;
+        let bytes = self.get(vold.offset, vold.stored_len, "VOLD")?;
+        vold.check_crc(bytes)?;
+        let descriptor = VolumeDescriptor::read_from(bytes, vold.offset)?;
+        table::check_item_count(vold, descriptor.codecs.len() as u64, superblock.section_table_offset, &sections)?;
+        self.check_limits(&descriptor, vold, &superblock)?;
+        let octree = Octree::new(&descriptor)?;
+
+        limits::check("section.stored_length", pdir.stored_len, self.limits.table_bytes).map_err(|e| at(e, pdir))?;
+        let bytes = self.get(pdir.offset, pdir.stored_len, "PDIR")?;
+        pdir.check_crc(bytes)?;
+        debug_assert_eq!(bytes.len() % REF_BYTES, 0, "checked with the table");
+        let directory = directory::parse_refs(bytes, pdir.offset, &octree, superblock.file_len)?;
+
+        let named = match sections.iter().find(|s| s.fourcc == section::FNAM) {
+            // A name is worth no extra read: beyond the head it is left to the strict validator.
+            Some(s) => match slice(self.head(), 0, s.offset, s.stored_len) {
+                Some(bytes) => {
+                    s.check_crc(bytes)?;
+                    features::read_from(bytes, s.offset)?
+                }
+                None => Vec::new(),
+            },
+            None => Vec::new(),
+        };
+        let masks = [superblock.required, superblock.read_optional, superblock.optional];
+        Ok(Head {
+            feature_names: features::names(masks, &named),
+            superblock,
+            sections,
+            descriptor,
+            octree,
+            directory,
+            head_bytes: self.head().to_vec(),
+            source_len: self.source_len,
+        })
+    }
+
+    /// The file's length against the source's (spec: HDR-9).
+    fn check_file_len(&self, superblock: &Superblock) -> Result<()> {
+        let (len, there) = (superblock.file_len, self.source_len);
+        if there < len && !self.salvage {
+            return Err(Error::at(
+                Code::Truncated,
+                there,
+                "superblock.file_length",
+                format!("the file ends here, {} bytes short; fetch it again or use salvage", len - there),
+            ));
+        }
+        if there > len {
+            return Err(Error::at(
+                Code::Size,
+                40,
+                "superblock.file_length",
+                format!("the file should end at byte {len}, but {} more follow", there - len),
+            ));
+        }
+        Ok(())
+    }
+
+    fn read_table(&self, superblock: &Superblock) -> Result<Vec<SectionEntry>, Stop> {
+        let len = table::check_place(superblock)?;
+        let start = superblock.section_table_offset;
+        let bytes = self.get(start, len, "section_table")?;
+        Ok(table::read_from(bytes, superblock)?)
+    }
+
+    /// The reader's own limits, and the resource level that the file declares (spec: VAL-4, VAL-5).
+    fn check_limits(&self, d: &VolumeDescriptor, vold: &SectionEntry, superblock: &Superblock) -> Result<()> {
+        let all = d.dims.voxels().checked_mul(u64::from(d.trees()));
+        limits::check("VOLD.dims", all.unwrap_or(u64::MAX), self.limits.voxels).map_err(|e| at(e, vold))?;
+        let brick = d.dims.min(Extent::cube(1 << d.brick_log2)).voxels() * d.sample_type.bytes() as u64;
+        limits::check("VOLD.brick_log2", brick, self.limits.brick_bytes)
+            .map_err(|e| Error::at(e.code(), vold.offset + 22, "VOLD.brick_log2", e.message().to_owned()))?;
+        let (declared, needed) = (superblock.resource_level, d.resource_level());
+        if needed > declared {
+            let message = format!("the file declares resource level {declared}, but its volume needs {needed}");
+            return Err(Error::at(Code::Limit, 74, "superblock.resource_level", message));
+        }
+        Ok(())
+    }
+
+    /// Adds the feature's name to an `E_FEATURE` of a required bit, where `FNAM` can be trusted (spec: HDR-5).
+    fn name_feature(&self, e: Error) -> Error {
+        if e.code() != Code::Feature || e.field() != "superblock.required" {
+            return e;
+        }
+        let Some(name) = self.feature_name() else { return e };
+        Error::at(e.code(), 48, "superblock.required", format!("{} (feature {name})", e.message()))
+    }
+
+    fn feature_name(&self) -> Option<String> {
+        let g = glimpse(self.head().get(..SUPERBLOCK_BYTES)?)?;
+        let bit = features::unknown_required(g.required)?;
+        let len = u64::from(g.section_count.min(limits::MAX_SECTIONS)) * ENTRY_BYTES as u64;
+        let table = slice(self.head(), 0, g.section_table_offset, len)?;
+        let mut entries = table.chunks_exact(ENTRY_BYTES).filter_map(|b| SectionEntry::read_from(b, 0).ok());
+        let fnam = entries.find(|s| s.fourcc == section::FNAM)?;
+        let bytes = slice(self.head(), 0, fnam.offset, fnam.stored_len)?;
+        fnam.check_crc(bytes).ok()?;
+        let names = features::read_from(bytes, 0).ok()?;
+        names.into_iter().find(|n| n.mask == 0 && u32::from(n.bit) == bit).map(|n| n.name)
+    }
+}
+
+/// `offset..offset + len` of bytes that lie at `base`.
+fn slice(bytes: &[u8], base: u64, offset: u64, len: u64) -> Option<&[u8]> {
+    let start = usize::try_from(offset.checked_sub(base)?).ok()?;
+    let end = start.checked_add(usize::try_from(len).ok()?)?;
+    bytes.get(start..end)
+}
+
+fn at(e: Error, section: &SectionEntry) -> Error {
+    let name = format!("{} of {}", e.field(), show(section.fourcc));
+    Error::at(e.code(), section.offset, name, e.message().to_owned())
+}

@@ -1,0 +1,113 @@
+//! Strict validation of a file's structure: everything that fast reading does not look at (spec chapter 9).
+//!
+//! Driven from outside, because payloads are not the container's business:
+//!
+//! 1. [`Strict::open`] reads head, directory, pages and sections.
+//! 2. For each of [`Strict::bricks`]: read [`StoredBrick::window`], give it to [`Strict::check_brick`], decode the
+//!    payload it returns, and report the decoded bounds with [`Strict::set_bounds`].
+//! 3. [`Strict::finish`] checks bounds and child masks, padding, and that the file is the one canonical encoding.
+
+mod bounds;
+mod bricks;
+mod canon;
+mod coverage;
+mod load;
+
+pub use bricks::StoredBrick;
+pub use coverage::Coverage;
+
+use super::store::NodeStore;
+use super::{ExtraSection, Head, SectionEntry};
+use crate::error::{Error, Result};
+use crate::limits::Limits;
+use std::collections::BTreeMap;
+
+/// Errors that are kept; a hostile file could have one per brick.
+const MAX_ERRORS: usize = 1000;
+
+/// Delivers `len` bytes from `offset` on.
+pub type Read<'a> = dyn FnMut(u64, usize) -> Result<Vec<u8>> + 'a;
+
+/// A file whose structure is being checked.
+pub struct Strict {
+    pub(super) head: Head,
+    pub(super) nodes: NodeStore,
+    /// Stored bytes of `META` and of sections that this version does not know.
+    pub(super) others: Vec<ExtraSection>,
+    pub(super) errors: Vec<Error>,
+    bricks: Vec<StoredBrick>,
+    /// Where each page lies, for messages.
+    page_offsets: BTreeMap<u64, u64>,
+    coverage: Coverage,
+}
+
+impl Strict {
+    /// Opens a file of `len` bytes and reads all of it but the bricks.
+    ///
+    /// # Errors
+    /// Those of opening: a file with a damaged head cannot be looked at further. All others are collected.
+    pub fn open(len: u64, limits: &Limits, read: &mut Read<'_>) -> Result<Self> {
+        let head = load::head(len, limits, read)?;
+        let mut strict = Strict {
+            head,
+            nodes: NodeStore::default(),
+            others: Vec::new(),
+            errors: Vec::new(),
+            bricks: Vec::new(),
+            page_offsets: BTreeMap::new(),
+            coverage: Coverage::default(),
+        };
+        strict.load_sections(limits, read);
+        strict.load_index(read);
+        strict.collect_bricks();
+        Ok(strict)
+    }
+
+    /// The parsed head.
+    #[must_use]
+    pub fn head(&self) -> &Head {
+        &self.head
+    }
+
+    /// All stored bricks in the order of the file.
+    #[must_use]
+    pub fn bricks(&self) -> &[StoredBrick] {
+        &self.bricks
+    }
+
+    /// Errors so far.
+    #[must_use]
+    pub fn errors(&self) -> &[Error] {
+        &self.errors
+    }
+
+    /// Adds an error that was found outside: in a payload, say.
+    pub fn report(&mut self, error: Error) {
+        if self.errors.len() < MAX_ERRORS {
+            self.errors.push(error);
+        }
+    }
+
+    /// Ends the validation, and returns all errors; none: the file is strictly valid.
+    #[must_use]
+    pub fn finish(mut self, read: &mut Read<'_>) -> Vec<Error> {
+        self.check_coverage(read);
+        self.check_bounds();
+        // The comparison with the canonical bytes says little about a file that is wrong already.
+        if self.errors.is_empty() {
+            self.check_canonical(read);
+        }
+        self.errors
+    }
+
+    fn keep(&mut self, result: Result<()>) {
+        if let Err(e) = result {
+            self.report(e);
+        }
+    }
+
+    fn entry_offset(&self, section: &SectionEntry) -> u64 {
+        let index = self.head.sections.iter().position(|s| s.fourcc == section.fourcc).unwrap_or(0);
+        self.head.superblock.section_table_offset + (index * super::section::ENTRY_BYTES) as u64
+    }
+}

@@ -1,0 +1,1 @@
+//! Tests of the container as a whole, with made-up payloads.

@@ -1,0 +1,256 @@
+//! Writing volumes brick by brick.
+
+use super::At;
+use super::brick_encoder::{BrickEncoder, BrickStats, EncodedBrick, non_finite_error};
+use super::options::EncodeOptions;
+use crate::codec::Codec;
+use crate::container::{Achieved, CodecEntry, FileWriter, FinishOptions, NodeKind, Octree, VolumeDescriptor};
+use crate::error::{Code, Error, Result};
+use crate::geometry::{Coord, Extent};
+use crate::grid::View;
+use crate::metrics::psnr;
+use crate::voxel::{SampleType, SampleValue};
+use std::io::{Seek, Write};
+
+/// Shape of a volume that is to be written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Shape {
+    /// Voxels per axis.
+    pub extent: Extent,
+    /// Type of a voxel.
+    pub sample_type: SampleType,
+    /// Time steps, at least 1.
+    pub time_steps: u32,
+    /// Channels, at least 1.
+    pub channels: u32,
+}
+
+impl Shape {
+    /// One time step and one channel.
+    #[must_use]
+    pub const fn single(extent: Extent, sample_type: SampleType) -> Self {
+        Shape { extent, sample_type, time_steps: 1, channels: 1 }
+    }
+}
+
+/// Writes one volume. Bricks may come in any order; those that never come are EMPTY.
+pub struct VolumeWriter<W: Write + Seek> {
+    file: FileWriter<W>,
+    descriptor: VolumeDescriptor,
+    octree: Octree,
+    encoder: BrickEncoder,
+    meta: Option<String>,
+    file_id: Option<[u8; 16]>,
+    totals: Totals,
+}
+
+#[derive(Default)]
+struct Totals {
+    finest: BrickStats,
+    payload: u64,
+    replaced: u64,
+    kinds: [u64; 3],
+}
+
+/// What was written, and how well. Errors are those of level 0 against the source, in units of the stored samples.
+#[derive(Clone, Debug, PartialEq)]
+pub struct EncodeReport {
+    /// `s3dc` or `raw`.
+    pub codec: &'static str,
+    /// S3Dc parameters, where it is S3Dc.
+    pub s3dc: Option<crate::codec::s3dc::Params>,
+    /// Largest error of a voxel.
+    pub max_error: f64,
+    /// Mean absolute error.
+    pub mean_error: f64,
+    /// Root of the mean squared error.
+    pub rmse: f64,
+    /// Peak signal-to-noise ratio in dB, peak = range of the source; `None`: infinite or undefined.
+    pub psnr: Option<f64>,
+    /// Smallest and largest value of the source.
+    pub source_range: (f64, f64),
+    /// Original bytes / bytes by the paper's formula, with ceilings (S3Dc §3.3).
+    pub ratio_formula: f64,
+    /// Original bytes / payload bytes before zstd, all levels.
+    pub ratio_payload: f64,
+    /// Original bytes / file bytes.
+    pub ratio_file: f64,
+    /// File bits per voxel of level 0.
+    pub bits_per_voxel: f64,
+    /// File length in bytes.
+    pub bytes: u64,
+    /// Bricks: stored, constant, empty.
+    pub bricks: [u64; 3],
+    /// Bytes that lossless bricks would have taken instead of the stored ones, where that was weighed.
+    pub lossless_bytes: Option<u64>,
+    /// Bytes of all stored payloads.
+    pub stored_bytes: u64,
+    /// NaN and infinities that were replaced by the null value.
+    pub replaced: u64,
+    /// Remarks for people.
+    pub notes: Vec<String>,
+}
+
+impl<W: Write + Seek> VolumeWriter<W> {
+    /// Starts a volume in `out`, whose bricks are all coded with `codec`.
+    ///
+    /// # Errors
+    /// `E_PARAM`, `E_LIMIT` for shapes and options outside the format.
+    pub fn create(out: W, shape: Shape, codec: Codec, brick_log2: u8, options: &EncodeOptions) -> Result<Self> {
+        shape.extent.check()?;
+        codec.supports(shape.sample_type)?;
+        options.placement.check()?;
+        let null = null_sample(shape.sample_type, options.null_value)?;
+        let (id, stream_version, params) = codec.to_wire();
+        let descriptor = VolumeDescriptor {
+            dims: shape.extent,
+            time_steps: shape.time_steps,
+            channels: shape.channels,
+            sample_type: shape.sample_type,
+            lod_count: options.lod_count(shape.extent, brick_log2)?,
+            brick_log2,
+            codecs: vec![CodecEntry { id, stream_version, params }],
+            placement: options.placement.clone(),
+            null_value: VolumeDescriptor::null_field(null),
+            value_map: options.value_map,
+            source_range: (0.0, 0.0),
+            achieved: None,
+            payload_bytes: 0,
+            replaced: 0,
+        };
+        let octree = Octree::new(&descriptor)?;
+        let encoder = BrickEncoder {
+            codec,
+            zstd: options.zstd,
+            non_finite: options.non_finite,
+            null,
+            weigh_lossless: options.zstd && matches!(codec, Codec::S3dc(_)),
+        };
+        Ok(VolumeWriter {
+            file: FileWriter::new(out, &descriptor)?,
+            descriptor,
+            octree,
+            encoder,
+            meta: options.meta.clone(),
+            file_id: options.file_id,
+            totals: Totals::default(),
+        })
+    }
+
+    /// Encodes and writes brick `brick` (position in bricks): its samples, cropped to the volume.
+    ///
+    /// # Errors
+    /// `E_RANGE`, `E_PARAM` where brick or samples do not fit the volume, `E_NONFINITE`, `E_SOURCE`.
+    pub fn write_brick(&mut self, at: At, brick: Coord, samples: View<'_>) -> Result<()> {
+        let encoded = self.encoder().encode(samples).map_err(|e| self.locate(e, samples, at, brick))?;
+        self.put(at, brick, encoded)
+    }
+
+    pub(super) fn encoder(&self) -> BrickEncoder {
+        self.encoder.clone()
+    }
+
+    /// Gives a non-finite sample its position in the volume instead of in the brick.
+    fn locate(&self, error: Error, samples: View<'_>, at: At, brick: Coord) -> Error {
+        match crate::codec::first_non_finite(&samples) {
+            Some(c) if error.code() == Code::NonFinite => {
+                let origin = self.octree.brick_region(at.lod, brick).start;
+                let value = samples.row::<f32>(c[1], c[2])[c[0] as usize];
+                non_finite_error(value, std::array::from_fn(|a| origin[a] + c[a]))
+            }
+            _ => error,
+        }
+    }
+
+    /// Writes an encoded brick.
+    pub(super) fn put(&mut self, at: At, brick: Coord, encoded: EncodedBrick) -> Result<()> {
+        let d = &self.descriptor;
+        let known = at.time < d.time_steps && at.channel < d.channels && at.lod < d.lod_count;
+        if !known || !self.octree.levels[usize::from(at.lod)].bricks.contains(brick) {
+            return Err(Error::new(Code::Range, "brick", format!("{at:?} has no brick {brick:?} (x, y, z)")));
+        }
+        let tree = at.time * d.channels + at.channel;
+        let EncodedBrick { node, payload, stats } = encoded;
+        self.totals.payload += stats.payload;
+        if at.lod == 0 {
+            self.totals.replaced += stats.replaced;
+            self.totals.finest.merge(&stats);
+            self.totals.kinds[match node.kind {
+                NodeKind::Stored => 0,
+                NodeKind::Constant => 1,
+                NodeKind::Empty => 2,
+            }] += 1;
+        }
+        match node.kind {
+            NodeKind::Stored => {
+                self.file.put_stored(tree, at.lod, brick, &node, &payload)
+            }
+            NodeKind::Constant => self.file.put_constant(tree, at.lod, brick, &node),
+            NodeKind::Empty => Ok(()),
+        }
+    }
+
+    /// Writes index and head. The file is complete when this returns, but not yet synced.
+    ///
+    /// # Errors
+    /// `E_SOURCE`; `E_LIMIT` where the metadata is too large.
+    pub fn finish(mut self) -> Result<(W, EncodeReport)> {
+        let Totals { finest, payload, replaced, kinds } = self.totals;
+        let d = &mut self.descriptor;
+        d.source_range = finest.source.unwrap_or_default();
+        d.payload_bytes = payload;
+        d.replaced = replaced;
+        let error = &finest.error;
+        d.achieved = Some(Achieved { max_error: error.max_abs, rmse: error.rmse(), mean_error: error.mean_abs() });
+        let finish = FinishOptions {
+            meta: self.meta.map(String::into_bytes),
+            file_id: self.file_id,
+            ..FinishOptions::default()
+        };
+        let (out, summary) = self.file.finish(d, finish)?;
+        let voxels = d.dims.voxels() as f64 * f64::from(d.time_steps) * f64::from(d.channels);
+        let original = voxels * d.sample_type.bytes() as f64;
+        let (ratio_formula, s3dc) = match self.encoder.codec {
+            Codec::Raw => (1.0, None),
+            Codec::S3dc(params) => (crate::codec::s3dc::formula_ratio(d.dims, 8 * d.sample_type.bytes() as u32, &params), Some(params)),
+        };
+        let report = EncodeReport {
+            codec: self.encoder.codec.name(),
+            s3dc,
+            max_error: error.max_abs,
+            mean_error: error.mean_abs(),
+            rmse: error.rmse(),
+            psnr: psnr(d.source_range.1 - d.source_range.0, error.rmse()),
+            source_range: d.source_range,
+            ratio_formula,
+            ratio_payload: original / payload as f64,
+            ratio_file: original / summary.len as f64,
+            bits_per_voxel: summary.len as f64 * 8.0 / voxels,
+            bytes: summary.len,
+            bricks: kinds,
+            lossless_bytes: self.encoder.weigh_lossless.then_some(finest.lossless),
+            stored_bytes: finest.stored,
+            replaced,
+            notes: Vec::new(),
+        };
+        Ok((out, report))
+    }
+}
+
+/// The null value as a sample.
+///
+/// # Errors
+/// `E_PARAM` where the type cannot hold it exactly, or it is not finite.
+pub(super) fn null_sample(t: SampleType, value: f64) -> Result<SampleValue> {
+    let sample = match t {
+        SampleType::U8 => SampleValue::U8(value as u8),
+        SampleType::U16 => SampleValue::U16(value as u16),
+        SampleType::I16 => SampleValue::I16(value as i16),
+        SampleType::F32 => SampleValue::F32(value as f32 + 0.0),
+        SampleType::Rgb8 => SampleValue::Rgb8([value as u8; 3]),
+    };
+    if sample.component(0) == value && value.is_finite() {
+        return Ok(sample);
+    }
+    Err(Error::param("null-value", format!("{value} is not a value that {t} holds exactly")))
+}
