@@ -96,6 +96,21 @@ impl Grid {
         Ok(grid)
     }
 
+    /// A grid over bytes that are in place already: samples in the machine's byte order, x fastest.
+    ///
+    /// # Errors
+    /// As [`Grid::zeros`]; `E_PARAM` where the number of bytes is not that of the extent.
+    pub fn from_aligned(extent: Extent, sample_type: SampleType, bytes: AlignedBytes) -> Result<Self> {
+        let len = dense_len(extent, sample_type)?;
+        if bytes.len != len {
+            return Err(Error::param(
+                "samples",
+                format!("{} bytes given for {extent} voxels of {sample_type}", bytes.len),
+            ));
+        }
+        Ok(Grid { extent, sample_type, bytes })
+    }
+
     /// Voxels per axis.
     #[must_use]
     pub const fn extent(&self) -> Extent {
@@ -341,6 +356,12 @@ pub trait SlabReader: Send {
     /// The whole volume where it lies in memory already: saves the copy.
     fn as_view(&self) -> Option<View<'_>> {
         None
+    }
+}
+
+impl std::fmt::Debug for Grid {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "Grid({} {})", self.extent, self.sample_type)
     }
 }
 

@@ -1,1 +1,155 @@
-//! convert.
+//! Foreign files to volumes and back: raw, npy, NRRD, NIfTI (spec chapter 4 says what placement and value map mean).
+//!
+//! Reading delivers samples slab by slab, unpacked files whole. Everything that a header states is checked against the
+//! caps and against the length of the data before memory is taken for it. What a format can say and Vug cannot hold yet
+//! (time, vectors, complex numbers) is refused by name.
+
+mod export;
+mod fault;
+mod inflate;
+mod narrow;
+mod nifti;
+mod npy;
+mod nrrd;
+mod payload;
+mod raw;
+mod stored;
+
+pub use export::{ExportInfo, Target, export};
+pub use stored::{Kind, Stored};
+
+use crate::affine::{Placement, ValueMap};
+use crate::error::Result;
+use crate::geometry::Extent;
+use crate::grid::SlabReader;
+use crate::voxel::SampleType;
+use std::path::Path;
+
+/// A foreign file format.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Format {
+    /// Samples alone: `.raw`, `.bin`.
+    Raw,
+    /// NumPy array: `.npy`.
+    Npy,
+    /// `.nrrd`, or `.nhdr` with a data file beside it.
+    Nrrd,
+    /// NIfTI-1 or NIfTI-2: `.nii`, `.nii.gz`, or a pair of `.hdr` and `.img` (or `.img.gz`).
+    Nifti,
+}
+
+impl Format {
+    /// File name endings, for messages.
+    pub const ENDINGS: &'static str = ".raw .bin .npy .nrrd .nhdr .nii .nii.gz .hdr .img .img.gz";
+
+    /// The format that a file name's ending stands for.
+    #[must_use]
+    pub fn of_path(path: &Path) -> Option<Format> {
+        let name = path.file_name()?.to_string_lossy().to_ascii_lowercase();
+        let ends = |endings: &[&str]| endings.iter().any(|e| name.ends_with(e));
+        if ends(&[".raw", ".bin"]) {
+            Some(Format::Raw)
+        } else if ends(&[".npy"]) {
+            Some(Format::Npy)
+        } else if ends(&[".nrrd", ".nhdr"]) {
+            Some(Format::Nrrd)
+        } else if ends(&[".nii", ".nii.gz", ".hdr", ".hdr.gz", ".img", ".img.gz"]) {
+            Some(Format::Nifti)
+        } else {
+            None
+        }
+    }
+
+    /// The name used in messages and JSON.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Format::Raw => "raw",
+            Format::Npy => "npy",
+            Format::Nrrd => "NRRD",
+            Format::Nifti => "NIfTI",
+        }
+    }
+}
+
+/// What the caller knows or wants beyond the file itself.
+#[derive(Clone, Debug)]
+pub struct ImportOptions {
+    /// Voxels per axis (x, y, z; x fastest). Raw files need it, all others ignore it.
+    pub shape: Option<Extent>,
+    /// Type to deliver, whatever the file stores; `None` keeps the file's, or narrows exactly.
+    pub dtype: Option<SampleType>,
+    /// Type and byte order that a raw file stores; `None` means `dtype`, little endian. All others ignore it.
+    pub raw_dtype: Option<Stored>,
+    /// Most bytes that a packed file may unpack to.
+    pub max_bytes: u64,
+}
+
+impl Default for ImportOptions {
+    fn default() -> Self {
+        ImportOptions { shape: None, dtype: None, raw_dtype: None, max_bytes: 64 << 30 }
+    }
+}
+
+/// An opened foreign file.
+pub struct Import {
+    /// Its samples.
+    pub reader: Box<dyn SlabReader>,
+    /// Where it lies in the world.
+    pub placement: Placement,
+    /// What its numbers mean. The samples are as stored: nothing has been applied.
+    pub value_map: ValueMap,
+    /// An object with `format`, the header's free text (which can name patients), and what [`export`] needs to put the
+    /// header back.
+    pub header: serde_json::Value,
+    /// Its format.
+    pub format: Format,
+    /// Whether slabs come straight from the file, so that memory holds no more than one.
+    pub streamed: bool,
+}
+
+/// Opens a foreign file by the ending of its name.
+///
+/// # Errors
+/// `E_UNSUPPORTED` for an unknown ending and for valid files that Vug cannot represent, `E_FOREIGN` for malformed ones,
+/// `E_SIZE` where a raw file's length is not that of its shape, `E_LIMIT` above a cap, `E_PARAM` where a raw file comes
+/// without shape or type, `E_SOURCE` where the operating system fails. Each names the file and the header field.
+pub fn import(path: &Path, options: &ImportOptions) -> Result<Import> {
+    match Format::of_path(path) {
+        Some(Format::Raw) => raw::import(path, options),
+        Some(Format::Npy) => npy::import(path, options),
+        Some(Format::Nrrd) => nrrd::import(path, options),
+        Some(Format::Nifti) => nifti::import(path, options),
+        None => Err(fault::unsupported(
+            path,
+            "format",
+            format!("the name's ending is none of those that are understood: {}", Format::ENDINGS),
+        )),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn endings() {
+        for (name, format) in [
+            ("a.raw", Some(Format::Raw)),
+            ("a.b.BIN", Some(Format::Raw)),
+            ("a.npy", Some(Format::Npy)),
+            ("dir.raw/a.nhdr", Some(Format::Nrrd)),
+            ("a.NRRD", Some(Format::Nrrd)),
+            ("a.nii.gz", Some(Format::Nifti)),
+            ("a.img.gz", Some(Format::Nifti)),
+            ("a.gz", None),
+            ("raw", None),
+            ("a.raw/", Some(Format::Raw)),
+            ("", None),
+        ] {
+            assert_eq!(Format::of_path(Path::new(name)), format, "{name}");
+        }
+        let e = import(Path::new("a.tiff"), &ImportOptions::default()).err().unwrap();
+        assert!(e.message().contains("a.tiff") && e.message().contains(".nrrd"), "{e}");
+    }
+}

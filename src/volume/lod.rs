@@ -128,7 +128,8 @@ mod tests {
     fn level<T: Sample>(grid: &mut Grid, lod: u8) -> Vec<T> {
         let e = grid.extent().at_lod(lod);
         let mut out = Grid::zeros(e, T::TYPE).unwrap();
-        read_lod_slab(grid, lod, 0..e.z, SampleValue::F32(0.0), out.bytes_mut()).unwrap();
+        let null = SampleValue::from_raw(T::TYPE, 0).unwrap();
+        read_lod_slab(grid, lod, 0..e.z, null, out.bytes_mut()).unwrap();
         out.samples::<T>().to_vec()
     }
 

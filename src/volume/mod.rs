@@ -24,6 +24,7 @@ mod pages;
 mod region;
 mod salvage;
 mod slabs;
+mod verify;
 mod voxels;
 mod writer;
 
@@ -34,6 +35,7 @@ pub use encode::{Progress, encode};
 pub use open::Volume;
 pub use options::{Bound, CodecChoice, EncodeOptions, NonFinite, Quality};
 pub use salvage::{LostBrick, Salvaged};
+pub use verify::{VerifyReport, verify};
 pub use writer::{EncodeReport, Shape, VolumeWriter};
 
 /// Which tree and level of detail is meant: time step, channel and LOD. The default is the first of each, the finest.

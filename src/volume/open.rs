@@ -22,6 +22,13 @@ pub struct Volume {
     pub(super) limits: Limits,
 }
 
+impl std::fmt::Debug for Volume {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let d = &self.head.descriptor;
+        write!(f, "Volume({} {}, {} levels)", d.dims, d.sample_type, d.lod_count)
+    }
+}
+
 impl Volume {
     /// Opens a local file for reading.
     ///

@@ -19,10 +19,8 @@ pub(super) fn run(args: &Compare) -> Result<Verdict> {
         println!("{:#}", comparison_json(&c, &failed));
     } else {
         println!("range       {} (max − min of {})", c.range, args.a.display());
-        match c.max_error_at {
-            Some([x, y, z]) => println!("max error   {} at {x},{y},{z} (x,y,z)", c.max_error),
-            None => println!("max error   0"),
-        }
+        let [x, y, z] = c.max_error_at;
+        println!("max error   {} at {x},{y},{z} (x,y,z)", c.max_error);
         println!("mean error  {:.6}", c.mean_error);
         println!("RMSE        {:.6}", c.rmse);
         println!("PSNR        {}", psnr_text(c.psnr, c.identical));

@@ -1,14 +1,36 @@
 //! Plain scalar decoding: a transcription of the spec (chapter 8, §5), and the choice of a faster path.
 
-use super::{Layout, Scalar, with_scalar};
-use crate::codec::Stores;
-use crate::geometry::Region;
+use super::fast::{self, Isa, Job};
+use super::{Layout, Params, Scalar, with_scalar};
+use crate::codec::{Codec, Stores};
+use crate::error::Result;
+use crate::geometry::{Extent, Region};
 use crate::grid::ViewMut;
 
 /// Decodes `region` by the fastest path of this machine. Lengths, region and view have been checked.
 pub fn decode(layout: &Layout, payload: &[u8], region: &Region, dst: ViewMut<'_>, stores: Stores) {
-    let _ = stores;
-    decode_plain(layout, payload, region, dst);
+    if let Err(job) = fast::decode(Job { layout, payload, region, dst, stores }) {
+        decode_plain(job.layout, job.payload, job.region, job.dst);
+    }
+}
+
+/// Decodes on one instruction set, whatever the size: for tests and benches. `false` where the machine does not have it.
+///
+/// # Errors
+/// As [`Codec::decode`](crate::codec::Codec::decode).
+#[doc(hidden)]
+pub fn decode_on(
+    isa: Isa,
+    params: &Params,
+    payload: &[u8],
+    brick: Extent,
+    region: &Region,
+    dst: ViewMut<'_>,
+    stores: Stores,
+) -> Result<bool> {
+    Codec::S3dc(*params).check_decode(payload, brick, region, &dst)?;
+    let layout = Layout::new(params, dst.sample_type, brick);
+    Ok(fast::decode_on(isa, Job { layout: &layout, payload, region, dst, stores }).is_ok())
 }
 
 /// Decodes `region` voxel by voxel. Lengths, region and view have been checked.

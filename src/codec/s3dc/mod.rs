@@ -18,17 +18,25 @@
 mod check;
 mod decode;
 mod encode;
+mod fast;
+#[cfg(target_arch = "x86_64")]
+mod fast_avx2;
+#[cfg(target_arch = "x86_64")]
+mod fast_avx2_float;
+mod fast_tables;
 mod layout;
 mod params;
 mod ratio;
 mod scalar;
 
+pub use fast::Isa;
 pub use layout::Layout;
 pub use params::{Endpoints, IndexCurve, Params};
 pub use ratio::{closed_form_ratio, eq6_max_error, formula_ratio, integer_error_bound, padded_ratio};
 pub use scalar::Scalar;
 
 pub(super) use check::check;
+pub use decode::decode_on;
 pub(super) use decode::{decode, decode_plain};
 pub(super) use encode::encode;
 

@@ -1,0 +1,125 @@
+//! Strict validation of a whole file: every byte, every structure, every payload (spec chapter 9).
+
+use super::brick_encoder::with_scratch;
+use crate::codec::Codec;
+use crate::container::NodeFlags;
+use crate::container::strict::{StoredBrick, Strict};
+use crate::error::{Error, Result};
+use crate::geometry::Region;
+use crate::limits::{self, Limits};
+use crate::metrics::value_range;
+use crate::source::ByteSource;
+use crate::supercompression;
+use rayon::prelude::*;
+
+/// Bricks that are read and decoded at a time, per thread: bounds the memory.
+const PER_THREAD: usize = 4;
+
+/// What [`verify`] has found.
+#[derive(Debug)]
+pub struct VerifyReport {
+    /// All violations, those of the structure first; at most 1,000.
+    pub errors: Vec<Error>,
+    /// Stored bricks that were decoded and found right.
+    pub bricks: u64,
+    /// Length of the file.
+    pub bytes: u64,
+}
+
+impl VerifyReport {
+    /// Whether the file is strictly valid.
+    #[must_use]
+    pub fn is_ok(&self) -> bool {
+        self.errors.is_empty()
+    }
+}
+
+/// Checks every byte of a file against the spec. Runs on the current rayon pool; `progress` gets bytes done and in all.
+///
+/// A file whose head is damaged yields that one error; otherwise all errors are collected.
+pub fn verify(source: &dyn ByteSource, limits: &Limits, progress: &mut dyn FnMut(u64, u64)) -> VerifyReport {
+    let bytes = source.len();
+    let mut read = |offset: u64, len: usize| {
+        let mut out = Vec::new();
+        out.try_reserve_exact(len).map_err(|_| {
+            Error::at(crate::Code::Limit, offset, "memory", format!("{len} bytes cannot be allocated"))
+        })?;
+        out.resize(len, 0);
+        source.read_at(offset, &mut out).map(|()| out)
+    };
+    let mut strict = match Strict::open(bytes, limits, &mut read) {
+        Ok(strict) => strict,
+        Err(e) => return VerifyReport { errors: vec![e], bricks: 0, bytes },
+    };
+    let codecs: Vec<Result<Codec>> =
+        strict.head().descriptor.codecs.iter().map(|c| Codec::from_wire(c.id, c.stream_version, &c.params)).collect();
+    let mut good = 0;
+    let all: Vec<StoredBrick> = strict.bricks().to_vec();
+    let mut index = 0;
+    for group in all.chunks(PER_THREAD * rayon::current_num_threads()) {
+        // Reading is left to one thread: a source may be a disk.
+        let windows: Vec<Result<Vec<u8>>> = group
+            .iter()
+            .map(|brick| {
+                let window = brick.window();
+                let len = usize::try_from(window.end - window.start).unwrap_or(usize::MAX);
+                limits::check("node.stored_len", len as u64, limits::MAX_BRICK_BYTES + 64)
+                    .and_then(|()| read(window.start, len))
+            })
+            .collect();
+        let found: Vec<Result<Option<(f64, f64)>>> = group
+            .par_iter()
+            .zip(windows)
+            .map(|(brick, window)| check_brick(&strict, &codecs, limits, brick, &window?))
+            .collect();
+        for result in found {
+            match result {
+                Ok(range) => {
+                    good += 1;
+                    if let Some((min, max)) = range {
+                        strict.set_bounds(index, min, max);
+                    }
+                }
+                Err(e) => strict.report(e),
+            }
+            index += 1;
+        }
+        progress(group.last().map_or(0, |b| b.window().end), bytes);
+    }
+    progress(bytes, bytes);
+    VerifyReport { errors: strict.finish(&mut read), bricks: good, bytes }
+}
+
+/// Checks and decodes one brick; returns the range of its decoded voxels.
+fn check_brick(
+    strict: &Strict,
+    codecs: &[Result<Codec>],
+    limits: &Limits,
+    brick: &StoredBrick,
+    window: &[u8],
+) -> Result<Option<(f64, f64)>> {
+    let stored = strict.check_brick(brick, window)?;
+    let t = strict.head().descriptor.sample_type;
+    let extent = strict.head().octree.brick_extent(brick.level, brick.brick);
+    let offset = brick.node.offset;
+    let codec = match codecs.get(usize::from(brick.node.codec)) {
+        Some(Ok(codec)) => codec,
+        Some(Err(e)) => return Err(Error::at(e.code(), offset, e.field().to_owned(), e.message())),
+        None => return Err(Error::at(crate::Code::Ref, offset, "node.codec", "not in the codec table")),
+    };
+    let len = codec.payload_len(t, extent);
+    limits::check("brick", len, limits.brick_bytes)?;
+    let inflated;
+    let payload = if brick.node.flags.contains(NodeFlags::ZSTD) {
+        inflated = supercompression::inflate(stored, len, offset, "brick.payload")?;
+        &inflated
+    } else {
+        stored
+    };
+    codec.check(payload, t, extent, offset)?;
+    with_scratch(extent, t, |mut decoded| {
+        let whole = Region::whole(extent);
+        codec.decode(payload, extent, &whole, decoded.sub(&whole))?;
+        Ok(value_range(&decoded.as_view()))
+    })
+}
