@@ -2,4 +2,6 @@
 use crate::cli::args::Demo;
 use crate::cli::output::Verdict;
 use crate::error::Result;
-pub(super) fn run(_: &Demo) -> Result<Verdict> { Ok(Verdict::Ok) }
+pub(super) fn run(_: &Demo) -> Result<Verdict> {
+    Ok(Verdict::Ok)
+}
