@@ -1,9 +1,9 @@
 //! The command line, declared.
 
+use crate::convert::Stored;
 use crate::error::{Error, Result};
 use crate::geometry::{Extent, Region};
 use crate::volume::{Axis, Bound};
-use crate::voxel::SampleType;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
 
@@ -71,9 +71,9 @@ pub(super) struct Import {
     /// Shape of a raw file, in voxels: x fastest
     #[arg(long, value_name = "X,Y,Z", value_parser = parse_extent)]
     pub(super) shape: Option<Extent>,
-    /// Sample type: of a raw file, or to convert another file's samples to [u8, u16, i16, f32, rgb8]
+    /// Sample type. Of a raw file: what it stores, e.g. u16, i32be, f64. Of others: u8, u16, i16, f32 or rgb8 to convert to
     #[arg(long, value_name = "TYPE")]
-    pub(super) dtype: Option<SampleType>,
+    pub(super) dtype: Option<Stored>,
 }
 
 /// Makes a synthetic volume, encodes it with several settings, verifies and pictures it: see DIR/index.html

@@ -3,7 +3,7 @@
 use super::args;
 use crate::affine::Placement;
 use crate::container::MAGIC;
-use crate::convert::{self, ImportOptions};
+use crate::convert::{self, Format, ImportOptions, Stored};
 use crate::error::{Error, Result};
 use crate::geometry::Extent;
 use crate::grid::Grid;
@@ -26,8 +26,27 @@ pub(super) fn is_vug(path: &Path) -> Result<bool> {
     Ok(start.starts_with(&MAGIC[..4]) || path.extension().is_some_and(|e| e == "vug"))
 }
 
-pub(super) fn import_options(import: &args::Import) -> ImportOptions {
-    ImportOptions { shape: import.shape, dtype: import.dtype, ..ImportOptions::default() }
+/// What the arguments say of the file at `path`.
+///
+/// # Errors
+/// `E_PARAM` where samples are to be converted to what is not a sample type.
+pub(super) fn import_options(path: &Path, import: &args::Import) -> Result<ImportOptions> {
+    let mut options = ImportOptions { shape: import.shape, ..ImportOptions::default() };
+    match import.dtype {
+        // A raw file does not say what it stores: the type is that, and narrowed like any other file's.
+        Some(stored) if Format::of_path(path) == Some(Format::Raw) => options.raw_dtype = Some(stored),
+        Some(stored) => {
+            let native = stored.kind.native().filter(|_| stored == Stored::from(stored.kind));
+            options.dtype = Some(native.ok_or_else(|| {
+                Error::param(
+                    "dtype",
+                    "samples can be converted to u8, u16, i16, f32 or rgb8; other types describe raw files",
+                )
+            })?);
+        }
+        None => {}
+    }
+    Ok(options)
 }
 
 /// Reads a whole volume.
@@ -37,7 +56,7 @@ pub(super) fn load(path: &Path, import: &args::Import) -> Result<Loaded> {
         let placement = volume.info().placement.clone();
         return Ok(Loaded { grid: volume.read(At::default())?, placement });
     }
-    let mut source = convert::import(path, &import_options(import))?;
+    let mut source = convert::import(path, &import_options(path, import)?)?;
     let mut grid = Grid::zeros(source.reader.extent(), source.reader.sample_type())?;
     let planes = 0..grid.extent().z;
     source.reader.read_slab(planes, grid.bytes_mut())?;

@@ -96,7 +96,12 @@ impl Volume {
         let origin = self.head.octree.brick_region(at.lod, brick).start;
         let start = std::array::from_fn(|a| wanted.start[a] - origin[a]);
         let whole = Region::whole(dst.extent);
-        entry.codec.decode(&payload, layout.extent, &Region::at(start, wanted.extent()), dst.sub(&whole))
+        entry.codec.decode(
+            &payload,
+            self.codecs.layout(layout).extent,
+            &Region::at(start, wanted.extent()),
+            dst.sub(&whole),
+        )
     }
 
     /// All leaders of one level of one tree, as pages of one node. The last one of a brick wins.

@@ -12,7 +12,7 @@ use crate::volume::{self, CodecChoice, EncodeOptions, EncodeReport, NonFinite, Q
 use serde_json::{Value, json};
 
 pub(super) fn run(args: &Encode) -> Result<Verdict> {
-    let mut source = convert::import(&args.source, &import_options(&args.import))?;
+    let mut source = convert::import(&args.source, &import_options(&args.source, &args.import)?)?;
     let mut options = options(args);
     options.placement = source.placement.clone();
     options.value_map = source.value_map;
