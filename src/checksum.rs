@@ -2,7 +2,7 @@
 
 use crc32fast::Hasher;
 
-/// CRC-32 of `bytes`. The CRC of nothing is 0.
+/// CRC-32 of `bytes` (spec: GEN-4). The CRC of nothing is 0.
 #[must_use]
 pub fn crc32(bytes: &[u8]) -> u32 {
     crc32fast::hash(bytes)

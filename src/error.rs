@@ -1,4 +1,4 @@
-//! One error type for the whole crate: a stable code, where it happened, which field, and what to do (spec chapter 9).
+//! One error type for the whole crate: a stable code, where it happened, which field, and what to do (spec: VAL-2).
 
 use std::borrow::Cow;
 use std::fmt;

@@ -34,7 +34,8 @@ pub fn compress(bytes: &[u8]) -> Result<Option<Vec<u8>>> {
 /// Inflates a frame of exactly `len` bytes. `offset` and `field` say where the frame lies, for errors.
 ///
 /// The frame must be one, whole, with content size, without dictionary, with a window of at most 8 MiB, and nothing
-/// behind it (spec: BRK-9). All of that is checked before a byte is allocated, so that memory is bounded by `len`.
+/// behind it (spec: BRK-9). All of that is checked before a byte is allocated, so that memory is bounded by `len`
+/// (spec: SAF-2).
 ///
 /// # Errors
 /// `E_ZSTD`; `E_LIMIT` where the memory cannot be had.

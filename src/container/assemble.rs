@@ -1,4 +1,6 @@
 //! All bytes of a head file but its bricks, from the nodes: what the writer writes and the strict validator compares with.
+//!
+//! Nothing here asks a clock, a random number or a hash map for an order: same input, same bytes (spec: GEN-8).
 
 use super::descriptor::{CODEC_BYTES, VolumeDescriptor};
 use super::directory::{CHUNK_PAGES, ChunkRef, PageEntry, REF_BYTES, write_entries, write_nodes, write_refs};

@@ -217,7 +217,7 @@ impl VolumeDescriptor {
         }
     }
 
-    /// Checks what writer and reader both have to keep (spec: VOL-2 to VOL-16).
+    /// Checks what writer and reader both have to keep (spec: VOL-2, VOL-3, VOL-5, VOL-6, VOL-7, VOL-13, VAL-3).
     ///
     /// # Errors
     /// As [`VolumeDescriptor::read_from`], without offsets.
@@ -251,6 +251,7 @@ impl VolumeDescriptor {
         self.placement.check()
     }
 
+    /// spec: VOL-10, VOL-11, VOL-14
     fn check_values(&self) -> Result<()> {
         if VolumeDescriptor::null_field(self.null_sample()) != self.null_value {
             return Err(Error::new(Code::Reserved, "null_value", "bits above the sample's width are set"));
@@ -284,7 +285,8 @@ impl VolumeDescriptor {
 }
 
 impl Wire {
-    /// Enumerations and reserved bits: what the typed descriptor cannot even represent.
+    /// Enumerations and reserved bits: what the typed descriptor cannot even represent (spec: VOL-4, VOL-8, VOL-9).
+    /// Reserved bytes are zero (spec: VOL-16, VOL-14).
     fn check(self, at: u64, codecs: Vec<CodecEntry>) -> Result<VolumeDescriptor> {
         let param = |field, value: u8| {
             place(Error::param(field, format!("{value} is not a value of this version; use a newer reader")), at)

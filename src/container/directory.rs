@@ -151,7 +151,7 @@ pub(super) fn parse_refs(bytes: &[u8], at: u64, octree: &Octree, file_len: u64) 
     Ok(refs)
 }
 
-/// Reads a chunk's page entries from its stored bytes.
+/// Reads a chunk's page entries from its stored bytes (spec: IDX-16, IDX-6).
 ///
 /// # Errors
 /// `E_DIR_CRC`; for an entry `E_RESERVED`, `E_CANON`, `E_PARAM`, `E_ALIGN`, `E_SECTION_RANGE`, each with its offset;
@@ -193,7 +193,7 @@ pub fn parse_chunk(bytes: &[u8], chunk: &ChunkRef, head: &Head) -> Result<Vec<Pa
         .collect()
 }
 
-/// Reads a page's nodes from its stored bytes; nodes past the end are EMPTY. `ordinal` is the page's.
+/// Reads a page's nodes from its stored bytes; nodes past the end are EMPTY. `ordinal` is the page's (spec: IDX-16).
 ///
 /// # Errors
 /// `E_PAGE_CRC`; those of a node (`E_PARAM`, `E_RESERVED`, `E_CANON`, `E_NONFINITE`, `E_MINMAX_ORDER`, `E_SIZE`,

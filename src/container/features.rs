@@ -4,9 +4,9 @@
 
 use crate::error::{Code, Error, Result};
 
-/// Required bit 0: some payload is a zstd frame (spec: VER-4).
+/// Required bit 0: some payload is a zstd frame (spec: VER-4, BRK-8).
 pub const REQUIRED_ZSTD: u64 = 1;
-/// Optional bit 0: the writer replaced NaN or infinite samples by the null value (spec: VER-4).
+/// Optional bit 0: the writer replaced NaN or infinite samples by the null value (spec: VER-6).
 pub const OPTIONAL_NAN_REPLACED: u64 = 1;
 pub(super) const KNOWN_REQUIRED: u64 = REQUIRED_ZSTD;
 pub(super) const KNOWN_READ_OPTIONAL: u64 = 0;

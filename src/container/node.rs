@@ -157,7 +157,7 @@ impl Node {
         self.kind == NodeKind::Empty && self.child_mask == 0
     }
 
-    /// The value of a CONSTANT node (spec: IDX-8).
+    /// The value of a CONSTANT node, whatever the node says (spec: IDX-8, SAF-6).
     ///
     /// # Errors
     /// `E_CANON` where bits above the sample's width are set, `E_NONFINITE` for a NaN or infinite value.
@@ -275,7 +275,7 @@ impl Node {
                 }
             }
         }
-        // spec: IDX-10
+        // spec: IDX-10, IDX-11
         if !(self.min.is_finite() && self.max.is_finite() && self.max_error.is_finite()) {
             return bad(Code::NonFinite, 20, "node.min", "a bound is NaN or infinite");
         }
@@ -301,9 +301,7 @@ pub(super) fn value_bounds(value: SampleValue) -> (f32, f32) {
     (round_down_f32(lo), round_up_f32(hi))
 }
 
-/// The largest f32 not above `v` (spec: IDX-11; D-55). Never −0, and finite for finite `v`... see below.
-///
-/// Values beyond the largest finite f32 become the nearest finite f32 where that still bounds them, else an infinity.
+/// The largest f32 not above `v` (spec: IDX-11; D-55). Never −0.
 #[must_use]
 pub fn round_down_f32(v: f64) -> f32 {
     #[allow(clippy::cast_possible_truncation, reason = "the rounding is what this function is about")]

@@ -34,7 +34,7 @@ pub struct Octree {
 }
 
 impl Octree {
-    /// The octree of a descriptor. Nothing is allocated but one entry per level.
+    /// The octree of a descriptor. Nothing is allocated but one entry per level (spec: IDX-1).
     ///
     /// # Errors
     /// Those of [`VolumeDescriptor::check`]; `E_LIMIT` where a count overflows 64 bits.
@@ -55,7 +55,7 @@ impl Octree {
         Ok(Octree { levels, pages_per_tree: first_page, trees: d.trees(), brick_log2: d.brick_log2 })
     }
 
-    /// Number of trees: time steps × channels. Tree index = time · channels + channel.
+    /// Number of trees: time steps × channels. Tree index = time · channels + channel (spec: IDX-2).
     #[must_use]
     pub fn trees(&self) -> u32 {
         self.trees
@@ -82,7 +82,7 @@ impl Octree {
         (self.page_ordinal(tree, level, brick.map(|v| v >> 3)), morton8(brick.map(|v| v & 7)))
     }
 
-    /// Ordinal of a page that exists: trees, then levels, then z, y, x.
+    /// Ordinal of a page that exists: trees, then levels, then z, y, x (spec: IDX-3, GEN-3).
     #[must_use]
     #[inline]
     pub fn page_ordinal(&self, tree: u32, level: u8, page: Coord) -> u64 {

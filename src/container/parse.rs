@@ -138,7 +138,7 @@ impl HeadParser {
         self.pieces.first().map_or(&[], |p| &p.1)
     }
 
-    /// Bytes of the file, or the wish for them. The range has been checked against the file's declared length.
+    /// Bytes of the file, or the wish for them: never more than the source has (spec: VAL-8, SAF-1, SAF-4).
     fn get(&self, offset: u64, len: u64, field: &'static str) -> Result<&[u8], Stop> {
         if let Some(bytes) = self.pieces.iter().find_map(|(at, bytes)| slice(bytes, *at, offset, len)) {
             return Ok(bytes);
@@ -156,7 +156,8 @@ impl HeadParser {
         Err(Stop::Need(offset, len))
     }
 
-    /// Everything from the start with the bytes that are there: restarted after each wish, at most four times.
+    /// Everything from the start with the bytes that are there, in the order of the spec: restarted after each wish, at
+    /// most four times (spec: VAL-1).
     fn parse(&self) -> Result<Head, Stop> {
         let superblock = Superblock::read_from(self.head()).map_err(|e| self.name_feature(e))?;
         self.check_file_len(&superblock)?;
@@ -234,7 +235,8 @@ impl HeadParser {
     /// The reader's own limits, and the resource level that the file declares (spec: VAL-4, VAL-5).
     fn check_limits(&self, d: &VolumeDescriptor, vold: &SectionEntry, superblock: &Superblock) -> Result<()> {
         let all = d.dims.voxels().checked_mul(u64::from(d.trees()));
-        limits::check("VOLD.dims", all.unwrap_or(u64::MAX), self.limits.voxels).map_err(|e| at(e, vold))?;
+        limits::check("VOLD.dims", all.unwrap_or(u64::MAX), self.limits.voxels)
+            .map_err(|e| Error::at(e.code(), vold.offset, "VOLD.dims", e.message().to_owned()))?;
         let brick = d.dims.min(Extent::cube(1 << d.brick_log2)).voxels() * d.sample_type.bytes() as u64;
         limits::check("VOLD.brick_log2", brick, self.limits.brick_bytes)
             .map_err(|e| Error::at(e.code(), vold.offset + 22, "VOLD.brick_log2", e.message().to_owned()))?;

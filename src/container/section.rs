@@ -123,6 +123,7 @@ impl SectionEntry {
         let w: Wire = wire::read(bytes, at, "section")?;
         wire::check_zero(&w.reserved_a, at + 34, "section.reserved")?;
         wire::check_zero(&w.reserved_b, at + 56, "section.reserved")?;
+        // spec: SEC-3, SEC-4, SEC-7
         let name = show(w.fourcc);
         let bad = |code, offset: u64, field, message| Err(Error::at(code, at + offset, field, message));
         if w.flags & !SectionFlags::ALL != 0 {

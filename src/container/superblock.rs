@@ -172,7 +172,7 @@ impl Superblock {
 
 impl Wire {
     fn check(self) -> Result<Superblock> {
-        // spec: HDR-5
+        // spec: HDR-5, VER-2
         if let Some(bit) = unknown_required(self.required) {
             return Err(Error::at(
                 Code::Feature,

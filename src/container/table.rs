@@ -108,7 +108,8 @@ fn check_range(entry: &SectionEntry, at: u64, file_len: u64) -> Result<()> {
     Err(Error::at(Code::SectionRange, at + 8, "section.offset", message))
 }
 
-/// What is known of a section by its name (spec: SEC-9 to SEC-13).
+/// What is known of a section by its name. The names reserved for later versions are as unknown as any other
+/// (spec: SEC-9, SEC-10, SEC-11, VER-5).
 fn check_known(entry: &SectionEntry, at: u64) -> Result<()> {
     let name = show(entry.fourcc);
     let critical = entry.flags.contains(SectionFlags::CRITICAL);
@@ -144,7 +145,7 @@ fn check_known(entry: &SectionEntry, at: u64) -> Result<()> {
     if entry.item_size as usize != item_size {
         return bad(Code::Size, 48, "section.item_size", format!("{name}: {} instead of {item_size}", entry.item_size));
     }
-    // Counts from the table are compared with the bytes there are before anything is sized by them.
+    // Counts are compared with the bytes there are before anything is sized by them (spec: SEC-17, VAL-8).
     let fixed = if entry.fourcc == section::VOLD { FIXED_BYTES as u64 } else { 0 };
     let expected = entry.item_count.checked_mul(item_size as u64).and_then(|n| n.checked_add(fixed));
     if item_size != 0 && expected != Some(entry.stored_len) {

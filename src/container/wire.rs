@@ -7,6 +7,8 @@ use std::io::Cursor;
 
 /// Reads one fixed structure from the start of `bytes`, which lie at `offset` in the file (spec: GEN-1, GEN-2).
 ///
+/// Field by field, so that the bytes may start at any address (spec: SAF-5).
+///
 /// # Errors
 /// `E_TRUNCATED` where `bytes` is too short, `E_PARAM` where binrw refuses a value; both with absolute offset.
 pub(super) fn read<T>(bytes: &[u8], offset: u64, field: &'static str) -> Result<T>

@@ -104,11 +104,18 @@ impl Volume {
 
     /// Whether [`Volume::payload`] would have to read: the ranges of several bricks can then be read together.
     pub(super) fn wants_read(&self, node: &Node) -> bool {
-        node.kind == NodeKind::Stored && self.source.as_slice().is_none() && self.bricks.cache.peek(&node.offset).is_none()
+        node.kind == NodeKind::Stored
+            && self.source.as_slice().is_none()
+            && self.bricks.cache.peek(&node.offset).is_none()
     }
 
     /// The first use of a payload; `stored` are its bytes where a merged read has brought them already.
-    pub(super) fn payload_slow(&self, found: &Found<'_>, layout: &Layout, stored: Option<&[u8]>) -> Result<Payload<'_>> {
+    pub(super) fn payload_slow(
+        &self,
+        found: &Found<'_>,
+        layout: &Layout,
+        stored: Option<&[u8]>,
+    ) -> Result<Payload<'_>> {
         let node = found.node();
         if let Some(shared) = self.bricks.cache.get(&node.offset) {
             return Ok(Payload::Shared(shared));
@@ -135,7 +142,10 @@ impl Volume {
                     Code::BrickCrc,
                     node.offset,
                     "brick.payload",
-                    format!("CRC {computed:08x} computed, {:08x} stored; the brick is damaged, salvage reads the rest", node.crc),
+                    format!(
+                        "CRC {computed:08x} computed, {:08x} stored; the brick is damaged, salvage reads the rest",
+                        node.crc
+                    ),
                 )));
             }
             if let Some(page) = found.page {

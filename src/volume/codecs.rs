@@ -75,7 +75,6 @@ impl CodecTable {
             None => Err(Error::new(Code::Ref, "node.codec", format!("entry {index} is not in the codec table"))),
         }
     }
-
 }
 
 impl Entry {

@@ -113,7 +113,13 @@ impl Volume {
         if dst.extent != region.extent() || dst.sample_type != self.info().sample_type {
             return Err(Error::param(
                 "dst",
-                format!("{} voxels of {} given for {} of {}", dst.extent, dst.sample_type, region.extent(), self.info().sample_type),
+                format!(
+                    "{} voxels of {} given for {} of {}",
+                    dst.extent,
+                    dst.sample_type,
+                    region.extent(),
+                    self.info().sample_type
+                ),
             ));
         }
         let mut rest = dst;
@@ -121,7 +127,11 @@ impl Volume {
         while z < region.end[2] {
             let (parts, end) = self.stage(at, &region, z)?;
             let (now, later) = rest.split_at_z(end - z);
-            decode_parts(&parts, now, &Region { start: [region.start[0], region.start[1], z], end: [region.end[0], region.end[1], end] })?;
+            decode_parts(
+                &parts,
+                now,
+                &Region { start: [region.start[0], region.start[1], z], end: [region.end[0], region.end[1], end] },
+            )?;
             (rest, z) = (later, end);
         }
         Ok(())

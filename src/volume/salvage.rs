@@ -66,7 +66,8 @@ impl Volume {
                         },
                         Err(page_error) => {
                             let leaders = leaders.get_or_insert_with(|| self.scan_leaders(tree, at.lod));
-                            let read = leaders.get(&brick).map(|page| self.decode_found(at, brick, page, wanted, &mut dst));
+                            let read =
+                                leaders.get(&brick).map(|page| self.decode_found(at, brick, page, wanted, &mut dst));
                             match read {
                                 Some(Ok(())) => {
                                     found_by_leader += 1;

@@ -41,9 +41,8 @@ pub fn verify(source: &dyn ByteSource, limits: &Limits, progress: &mut dyn FnMut
     let bytes = source.len();
     let mut read = |offset: u64, len: usize| {
         let mut out = Vec::new();
-        out.try_reserve_exact(len).map_err(|_| {
-            Error::at(crate::Code::Limit, offset, "memory", format!("{len} bytes cannot be allocated"))
-        })?;
+        out.try_reserve_exact(len)
+            .map_err(|_| Error::at(crate::Code::Limit, offset, "memory", format!("{len} bytes cannot be allocated")))?;
         out.resize(len, 0);
         source.read_at(offset, &mut out).map(|()| out)
     };
@@ -67,15 +66,16 @@ pub fn verify(source: &dyn ByteSource, limits: &Limits, progress: &mut dyn FnMut
                     .and_then(|()| read(window.start, len))
             })
             .collect();
-        let found: Vec<Result<Option<(f64, f64)>>> = group
+        let found: Vec<Result<(u64, Option<(f64, f64)>)>> = group
             .par_iter()
             .zip(windows)
             .map(|(brick, window)| check_brick(&strict, &codecs, limits, brick, &window?))
             .collect();
         for result in found {
             match result {
-                Ok(range) => {
+                Ok((len, range)) => {
                     good += 1;
+                    strict.set_payload_len(index, len);
                     if let Some((min, max)) = range {
                         strict.set_bounds(index, min, max);
                     }
@@ -90,14 +90,14 @@ pub fn verify(source: &dyn ByteSource, limits: &Limits, progress: &mut dyn FnMut
     VerifyReport { errors: strict.finish(&mut read), bricks: good, bytes }
 }
 
-/// Checks and decodes one brick; returns the range of its decoded voxels.
+/// Checks and decodes one brick; returns the length of its payload before zstd, and the range of its decoded voxels.
 fn check_brick(
     strict: &Strict,
     codecs: &[Result<Codec>],
     limits: &Limits,
     brick: &StoredBrick,
     window: &[u8],
-) -> Result<Option<(f64, f64)>> {
+) -> Result<(u64, Option<(f64, f64)>)> {
     let stored = strict.check_brick(brick, window)?;
     let t = strict.head().descriptor.sample_type;
     let extent = strict.head().octree.brick_extent(brick.level, brick.brick);
@@ -120,6 +120,6 @@ fn check_brick(
     with_scratch(extent, t, |mut decoded| {
         let whole = Region::whole(extent);
         codec.decode(payload, extent, &whole, decoded.sub(&whole))?;
-        Ok(value_range(&decoded.as_view()))
+        Ok((len, value_range(&decoded.as_view())))
     })
 }

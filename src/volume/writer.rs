@@ -182,9 +182,7 @@ impl<W: Write + Seek> VolumeWriter<W> {
             }] += 1;
         }
         match node.kind {
-            NodeKind::Stored => {
-                self.file.put_stored(tree, at.lod, brick, &node, &payload)
-            }
+            NodeKind::Stored => self.file.put_stored(tree, at.lod, brick, &node, &payload),
             NodeKind::Constant => self.file.put_constant(tree, at.lod, brick, &node),
             NodeKind::Empty => Ok(()),
         }
@@ -212,7 +210,9 @@ impl<W: Write + Seek> VolumeWriter<W> {
         let original = voxels * d.sample_type.bytes() as f64;
         let (ratio_formula, s3dc) = match self.encoder.codec {
             Codec::Raw => (1.0, None),
-            Codec::S3dc(params) => (crate::codec::s3dc::formula_ratio(d.dims, 8 * d.sample_type.bytes() as u32, &params), Some(params)),
+            Codec::S3dc(params) => {
+                (crate::codec::s3dc::formula_ratio(d.dims, 8 * d.sample_type.bytes() as u32, &params), Some(params))
+            }
         };
         let report = EncodeReport {
             codec: self.encoder.codec.name(),

@@ -2,7 +2,7 @@
 
 use super::Strict;
 use crate::container::leader::{LEADER_BYTES, Leader};
-use crate::container::{GUARD_BYTES, Node, NodeKind};
+use crate::container::{GUARD_BYTES, Node, NodeFlags, NodeKind, OPTIONAL_NAN_REPLACED, section};
 use crate::error::{Code, Error, Result};
 use crate::geometry::{Coord, unmorton8};
 use std::ops::Range;
@@ -20,7 +20,10 @@ pub struct StoredBrick {
     pub node: Node,
     pub(super) ordinal: u64,
     pub(super) slot: usize,
+    /// Range of the decoded voxels, once it is known.
     pub(super) bounds: Option<(f64, f64)>,
+    /// Length of the payload before zstd, once it is known.
+    pub(super) payload_len: Option<u64>,
 }
 
 impl StoredBrick {
@@ -41,7 +44,16 @@ impl Strict {
             for (slot, node) in page.iter().enumerate().filter(|(_, n)| n.kind == NodeKind::Stored) {
                 let local = unmorton8(slot);
                 let brick = std::array::from_fn(|a| position[a] * 8 + local[a]);
-                self.bricks.push(StoredBrick { tree, level, brick, node: *node, ordinal, slot, bounds: None });
+                self.bricks.push(StoredBrick {
+                    tree,
+                    level,
+                    brick,
+                    node: *node,
+                    ordinal,
+                    slot,
+                    bounds: None,
+                    payload_len: None,
+                });
             }
         }
         self.bricks.sort_by_key(|b| b.node.offset);
@@ -75,11 +87,45 @@ impl Strict {
         Ok(payload)
     }
 
-    /// Says in which range the decoded voxels of brick `index` of [`Strict::bricks`] lie, all components. Bricks of codecs
-    /// that the caller does not know are left out; their bounds are then only checked against each other.
+    /// Says in which range the decoded voxels of brick `index` of [`Strict::bricks`] lie, all components. Bricks of
+    /// codecs that the caller does not know are left out; their bounds are then only checked against each other
+    /// (spec: VAL-12).
     pub fn set_bounds(&mut self, index: usize, min: f64, max: f64) {
         if let Some(brick) = self.bricks.get_mut(index) {
             brick.bounds = Some((min, max));
+        }
+    }
+
+    /// Says how long the payload of brick `index` is before zstd.
+    pub fn set_payload_len(&mut self, index: usize, len: u64) {
+        if let Some(brick) = self.bricks.get_mut(index) {
+            brick.payload_len = Some(len);
+        }
+    }
+
+    /// The descriptor's sum of payload lengths and its count of replaced samples (spec: VOL-15, VER-6).
+    pub(super) fn check_totals(&mut self) {
+        let d = &self.head.descriptor;
+        let Some(vold) = self.head.section(section::VOLD).map(|s| s.offset) else { return };
+        let zstd = |b: &StoredBrick| b.node.flags.contains(NodeFlags::ZSTD);
+        let stored = |b: &StoredBrick| u64::from(b.node.stored_len);
+        let mut lens = self.bricks.iter().map(|b| b.payload_len.or((!zstd(b)).then_some(stored(b))));
+        let sum = lens.try_fold(0u64, |sum, len| len.map(|len| sum.saturating_add(len)));
+        // spec: BRK-8
+        let longer = self.bricks.iter().find(|b| zstd(b) && b.payload_len.is_some_and(|len| len <= stored(b)));
+        let longer = longer.map(|b| b.node.offset);
+        let (payload, replaced) = (d.payload_bytes, d.replaced);
+        let flagged = self.head.superblock.optional & OPTIONAL_NAN_REPLACED != 0;
+        if let Some(at) = longer {
+            self.report(Error::at(Code::Canon, at, "brick.payload", "compressed, yet not smaller than the payload"));
+        }
+        if sum.is_some_and(|sum| sum != payload) {
+            let message = format!("{payload} bytes declared, {} there", sum.unwrap_or(0));
+            self.report(Error::at(Code::Canon, vold + 200, "VOLD.payload_bytes", message));
+        }
+        if flagged != (replaced > 0) {
+            let message = format!("{replaced} samples replaced, which the feature NAN_REPLACED contradicts");
+            self.report(Error::at(Code::Canon, vold + 208, "VOLD.replaced", message));
         }
     }
 }

@@ -17,6 +17,7 @@ impl Strict {
         self.keep(checked);
     }
 
+    // spec: VAL-11, SEC-15, SEC-16, SEC-17, HDR-7, HDR-11, BRK-8, BRK-10, VAL-5
     fn compare(&mut self, read: &mut Read<'_>) -> Result<()> {
         let order: Vec<Placed> = self
             .bricks

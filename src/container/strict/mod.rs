@@ -4,7 +4,7 @@
 //!
 //! 1. [`Strict::open`] reads head, directory, pages and sections.
 //! 2. For each of [`Strict::bricks`]: read [`StoredBrick::window`], give it to [`Strict::check_brick`], decode the
-//!    payload it returns, and report the decoded bounds with [`Strict::set_bounds`].
+//!    payload it returns, and report what it decodes to with [`Strict::set_bounds`] and [`Strict::set_payload_len`] (spec: VAL-12, VAL-13).
 //! 3. [`Strict::finish`] checks bounds and child masks, padding, and that the file is the one canonical encoding.
 
 mod bounds;
@@ -88,11 +88,12 @@ impl Strict {
         }
     }
 
-    /// Ends the validation, and returns all errors; none: the file is strictly valid.
+    /// Ends the validation, and returns all errors; none: the structure is strictly valid.
     #[must_use]
     pub fn finish(mut self, read: &mut Read<'_>) -> Vec<Error> {
         self.check_coverage(read);
         self.check_bounds();
+        self.check_totals();
         // The comparison with the canonical bytes says little about a file that is wrong already.
         if self.errors.is_empty() {
             self.check_canonical(read);
