@@ -107,7 +107,7 @@ pub(super) fn run(args: &Demo) -> Result<Verdict> {
             let (r, c) = (&o.report, &o.comparison);
             let psnr = if c.identical { "inf".into() } else { psnr_text(c.psnr, false) };
             println!(
-                "{:<18} {:>12.3} {:>9.3} {:>10} {psnr:>10} {:>8.4}",
+                "{:<18} {:>12.3} {:>9.3} {:>10} {psnr:>10} {:>9.6}",
                 setting.stem, r.bits_per_voxel, r.ratio_file, c.max_error, c.ssim
             );
         }
@@ -191,9 +191,9 @@ fn names(report: &EncodeReport) -> (String, String, String) {
 fn commands(Setting { stem, arguments, .. }: &Setting) -> Vec<String> {
     vec![
         format!(
-            "vug encode {SOURCE} {stem}.vug {arguments} && vug verify {stem}.vug && vug compare {SOURCE} {stem}.vug"
+            "vug encode {SOURCE} {stem}.vug {arguments} --force && vug verify {stem}.vug && vug compare {SOURCE} {stem}.vug"
         ),
-        format!("vug slice {stem}.vug --axis z --index {PLANE} --against {SOURCE} -o {stem}-error.png"),
+        format!("vug slice {stem}.vug --axis z --index {PLANE} --against {SOURCE} -o {stem}-error.png --force"),
     ]
 }
 
