@@ -185,7 +185,8 @@ fn names(report: &EncodeReport) -> (String, String, String) {
         return ("raw + zstd, lossless".into(), "raw".into(), "raw".into());
     };
     let (bits, block, ends) = (p.i_bits(), p.block(), p.endpoints().name());
-    (format!("s3dc, {bits} bit, block {block}, {ends}"), format!("{bits} bit, {}³", block.x), format!("s3dc {ends}"))
+    let block = if block == Extent::cube(block.x) { format!("{}³", block.x) } else { block.to_string() };
+    (format!("s3dc, {bits} bit, block {block}, {ends}"), format!("{bits} bit, {block}"), format!("s3dc {ends}"))
 }
 
 fn commands(Setting { stem, arguments, .. }: &Setting) -> Vec<String> {
