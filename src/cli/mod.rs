@@ -6,7 +6,7 @@ mod load;
 mod output;
 mod phantom;
 mod picture;
-//mod report;
+mod report;
 
 use clap::Parser;
 use std::process::ExitCode;

@@ -78,17 +78,17 @@ pub(super) fn svg(rows: &[Row]) -> String {
     let mut out = String::new();
     let o = &mut out;
     // Writing to a String cannot fail.
-    let _ = write!(
+    let _ = writeln!(
         o,
         "<svg class=\"chart\" viewBox=\"0 0 {WIDTH} {HEIGHT}\" role=\"img\" \
-         aria-label=\"PSNR in decibels over bits per voxel of the file, one mark for each setting\">\n"
+         aria-label=\"PSNR in decibels over bits per voxel of the file, one mark for each setting\">"
     );
     for v in y.values() {
         let at = y.place(v, BOTTOM, TOP);
-        let _ = write!(
+        let _ = writeln!(
             o,
             "<line class=\"grid\" x1=\"{LEFT}\" x2=\"{RIGHT}\" y1=\"{at:.1}\" y2=\"{at:.1}\"/>\
-             <text class=\"tick\" x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\">{}</text>\n",
+             <text class=\"tick\" x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"end\">{}</text>",
             LEFT - 8.0,
             at + 4.0,
             y.label(v)
@@ -96,20 +96,20 @@ pub(super) fn svg(rows: &[Row]) -> String {
     }
     for v in x.values() {
         let at = x.place(v, LEFT, RIGHT);
-        let _ = write!(
+        let _ = writeln!(
             o,
             "<line class=\"notch\" x1=\"{at:.1}\" x2=\"{at:.1}\" y1=\"{BOTTOM}\" y2=\"{:.1}\"/>\
-             <text class=\"tick\" x=\"{at:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{}</text>\n",
+             <text class=\"tick\" x=\"{at:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{}</text>",
             BOTTOM + 5.0,
             BOTTOM + 20.0,
             x.label(v)
         );
     }
-    let _ = write!(
+    let _ = writeln!(
         o,
         "<line class=\"axis\" x1=\"{LEFT}\" x2=\"{RIGHT}\" y1=\"{BOTTOM}\" y2=\"{BOTTOM}\"/>\
          <text class=\"name\" x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"middle\">file size in bits per voxel</text>\
-         <text class=\"name\" x=\"16\" y=\"{:.1}\" text-anchor=\"middle\" transform=\"rotate(-90 16 {:.1})\">PSNR in dB</text>\n",
+         <text class=\"name\" x=\"16\" y=\"{:.1}\" text-anchor=\"middle\" transform=\"rotate(-90 16 {:.1})\">PSNR in dB</text>",
         (LEFT + RIGHT) / 2.0,
         BOTTOM + 42.0,
         (TOP + BOTTOM) / 2.0,
