@@ -45,7 +45,8 @@ fn row(edge: u32) {
         let (samples, e) = (grid.samples::<u8>(), grid.extent());
         coords.iter().map(|&c| u64::from(samples[e.index(c) as usize])).sum::<u64>()
     };
-    let single = || coords.iter().map(|&c| u64::from(volume.get::<u8>(At::default(), c).expect("inside"))).sum::<u64>();
+    let sampler = volume.sampler::<u8>(At::default()).expect("a u8 volume");
+    let single = || coords.iter().map(|&c| u64::from(sampler.get(c).expect("inside"))).sum::<u64>();
     let mut contestants: Vec<support::Contestant<'_>> = vec![
         ("raw".into(), Box::new(|| _ = black_box(raw(&grid)))),
         ("single".into(), Box::new(|| _ = black_box(single()))),

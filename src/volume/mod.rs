@@ -35,6 +35,7 @@ pub use encode::{Progress, encode};
 pub use open::Volume;
 pub use options::{Bound, CodecChoice, EncodeOptions, NonFinite, Quality};
 pub use salvage::{LostBrick, Salvaged};
+pub use voxels::Sampler;
 pub use verify::{VerifyReport, verify};
 pub use writer::{EncodeReport, Shape, VolumeWriter};
 

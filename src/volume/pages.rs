@@ -1,8 +1,9 @@
 //! The index in memory: directory chunks and pages, each read when it is first needed (spec chapter 5).
 
 use super::counted::Counted;
-use crate::container::{self, CHUNK_PAGES, Head, Node, PageEntry};
+use crate::container::{self, CHUNK_PAGES, Head, Node, NodeKind, PageEntry};
 use crate::error::Result;
+use crate::geometry::{morton8, unmorton8};
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -11,29 +12,49 @@ pub(super) struct Pages {
     chunks: Box<[OnceLock<Box<[PageSlot]>>]>,
 }
 
-struct PageSlot {
+pub(super) struct PageSlot {
     entry: PageEntry,
     page: OnceLock<Page>,
 }
 
+impl PageSlot {
+    /// The page, if it is in memory.
+    #[inline]
+    pub(super) fn loaded(&self) -> Option<&Page> {
+        self.page.get()
+    }
+}
+
+/// Bricks of a page.
+const BRICKS: usize = 512;
+
 /// 8×8×8 nodes of one level in Morton order; trailing EMPTY ones are absent.
 pub(super) struct Page {
     nodes: Vec<Node>,
-    /// What has been learnt of each payload since the file was opened; see [`Known`].
-    known: Box<[AtomicU64]>,
+    /// What has been learnt of each brick, x fastest, then y, then z: random voxels need no Morton order.
+    known: Box<[AtomicU64; BRICKS]>,
 }
 
-/// What has been learnt of a payload, packed in 64 bits: bit 0, the checksum holds; bits 1 to 7, one more than the layout
-/// of a payload that can be read where it lies; bits 8 to 63, its offset in the file.
+/// What has been learnt of a brick since the file was opened, in one word.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) struct Known(u64);
 
+/// The low byte of a [`Known`]: 0 nothing yet; else one of these, or one more than the number of a layout.
+const CONSTANT: u64 = 255;
+const CHECKED: u64 = 254;
+
 impl Known {
-    pub(super) const CHECKED: Known = Known(1);
+    /// The stored payload matches its checksum.
+    pub(super) const CHECKED: Known = Known(CHECKED);
+
+    /// Every voxel has this raw value.
+    pub(super) fn constant(raw: u32) -> Known {
+        Known(u64::from(raw) << 8 | CONSTANT)
+    }
 
     /// A checked payload that lies in memory as a part of the file. `None` where the numbers do not fit.
     pub(super) fn direct(offset: u64, layout: usize) -> Option<Known> {
-        (layout < 127 && offset < 1 << 56).then(|| Known(offset << 8 | (layout as u64 + 1) << 1 | 1))
+        ((layout as u64) < CHECKED - 1 && offset < 1 << 56).then(|| Known(offset << 8 | (layout as u64 + 1)))
     }
 
     #[inline]
@@ -41,28 +62,44 @@ impl Known {
         self.0 != 0
     }
 
-    /// Offset in the file and layout of a payload that can be read where it lies.
+    /// The raw value of all voxels.
+    #[inline]
+    pub(super) fn as_constant(self) -> Option<u32> {
+        #[allow(clippy::cast_possible_truncation, reason = "32 bits were put in")]
+        (self.0 & 255 == CONSTANT).then_some((self.0 >> 8) as u32)
+    }
+
+    /// Offset in the file and number of the layout of a payload that can be read where it lies.
     #[inline]
     pub(super) fn as_direct(self) -> Option<(usize, usize)> {
-        let layout = (self.0 >> 1 & 127) as usize;
-        // The offset was one of a slice in memory.
-        #[allow(clippy::cast_possible_truncation, reason = "an offset into a slice")]
-        (layout > 0).then(|| ((self.0 >> 8) as usize, layout - 1))
+        let layout = self.0 & 255;
+        #[allow(clippy::cast_possible_truncation, reason = "an offset into a slice that lies in memory")]
+        (layout.wrapping_sub(1) < CHECKED - 1).then(|| ((self.0 >> 8) as usize, layout as usize - 1))
     }
 }
 
 impl Page {
-    fn new(nodes: Vec<Node>) -> Self {
-        let known = nodes.iter().map(|_| AtomicU64::new(0)).collect();
+    /// A page of these nodes; `null` is the raw null value.
+    fn new(nodes: Vec<Node>, null: u32) -> Self {
+        let known = Box::new([const { AtomicU64::new(0) }; BRICKS]);
+        for (slot, known) in known.iter().enumerate() {
+            let [x, y, z] = [slot & 7, slot >> 3 & 7, slot >> 6].map(|v| v as u32);
+            let node = nodes.get(morton8([x, y, z])).unwrap_or(&Node::EMPTY);
+            match node.kind {
+                NodeKind::Stored => {}
+                NodeKind::Constant => known.store(Known::constant(node.offset as u32).0, Ordering::Relaxed),
+                NodeKind::Empty => known.store(Known::constant(null).0, Ordering::Relaxed),
+            }
+        }
         Page { nodes, known }
     }
 
     /// A page of one node that did not come from the index.
     pub(super) fn single(node: Node) -> Self {
-        Page::new(vec![node])
+        Page::new(vec![node], 0)
     }
 
-    /// The node in `slot`; absent ones are EMPTY.
+    /// The node in Morton slot `slot`; absent ones are EMPTY.
     #[inline]
     pub(super) fn node(&self, slot: usize) -> &Node {
         self.nodes.get(slot).unwrap_or(&Node::EMPTY)
@@ -73,17 +110,25 @@ impl Page {
         &self.nodes
     }
 
-    /// What is known of the payload of `slot`.
+    /// What is known of the brick at x + 8·(y + 8·z) of the page; only the low nine bits of `linear` count.
     #[inline]
+    pub(super) fn known_at(&self, linear: u32) -> Known {
+        Known(self.known[linear as usize % BRICKS].load(Ordering::Acquire))
+    }
+
+    /// What is known of the brick in Morton slot `slot`.
     pub(super) fn known(&self, slot: usize) -> Known {
-        Known(self.known.get(slot).map_or(0, |k| k.load(Ordering::Acquire)))
+        self.known_at(linear(slot))
     }
 
     pub(super) fn set_known(&self, slot: usize, known: Known) {
-        if let Some(k) = self.known.get(slot) {
-            k.store(known.0, Ordering::Release);
-        }
+        self.known[linear(slot) as usize % BRICKS].store(known.0, Ordering::Release);
     }
+}
+
+fn linear(slot: usize) -> u32 {
+    let [x, y, z] = unmorton8(slot);
+    x | y << 3 | z << 6
 }
 
 impl Pages {
@@ -119,16 +164,18 @@ impl Pages {
         }
     }
 
-    /// The page with this ordinal if it is in memory already.
-    #[inline]
-    pub(super) fn loaded(&self, head: &Head, ordinal: u64) -> Option<&Page> {
-        #[allow(clippy::cast_possible_truncation, reason = "the index of a vector, and below 1024")]
-        let (chunk, page) = ((ordinal / CHUNK_PAGES) as usize, (ordinal % CHUNK_PAGES) as usize);
-        // Only where every chunk is present; sparse directories take the long way.
-        if head.directory.get(chunk)?.ordinal != ordinal / CHUNK_PAGES {
-            return None;
+    /// The slots of pages `first..first + count`, where one chunk holds them all; loads the chunk, but no page.
+    pub(super) fn slots(&self, head: &Head, source: &Counted, first: u64, count: u64) -> Result<Option<&[PageSlot]>> {
+        let (chunk, start) = (first / CHUNK_PAGES, usize::try_from(first % CHUNK_PAGES).expect("below 1024"));
+        if count == 0 || (first + count - 1) / CHUNK_PAGES != chunk {
+            return Ok(None);
         }
-        self.chunks.get(chunk)?.get()?.get(page)?.page.get()
+        let Ok(index) = head.directory.binary_search_by_key(&chunk, |c| c.ordinal) else { return Ok(None) };
+        let slots = match self.chunks[index].get() {
+            Some(slots) => slots,
+            None => self.load_chunk(head, source, index)?,
+        };
+        Ok(slots.get(start..))
     }
 
     /// Visits every page that is present, in file order of their ordinals.
@@ -175,5 +222,5 @@ fn load_page<'a>(head: &Head, source: &Counted, slot: &'a PageSlot, ordinal: u64
         Some(bytes) => container::parse_page(bytes, &slot.entry, ordinal, head)?,
         None => container::parse_page(&source.read(slot.entry.offset, len)?, &slot.entry, ordinal, head)?,
     };
-    Ok(slot.page.get_or_init(|| Page::new(nodes)))
+    Ok(slot.page.get_or_init(|| Page::new(nodes, head.descriptor.null_sample().to_raw())))
 }

@@ -3,48 +3,52 @@
 use super::{Layout, Scalar};
 use crate::geometry::Coord;
 
-/// Where a voxel's end points and index lie in a payload, in bytes.
+/// Where a voxel's end points and index lie, in bytes from where a payload's offset counts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Point {
-    mmv: u32,
-    iv: u32,
-    shift: u8,
+    mmv: usize,
+    iv: usize,
+    shift: u32,
+}
+
+impl Point {
+    /// Asks memory for the words of a voxel of `bytes`, without waiting for them. Does nothing where the machine has no
+    /// such thing.
+    #[inline]
+    pub fn prefetch(self, bytes: &[u8]) {
+        prefetch(bytes, self.mmv);
+        prefetch(bytes, self.iv);
+    }
 }
 
 impl Layout {
-    /// Where voxel `c` of the brick lies; `c` must be inside the brick.
+    /// Where voxel `c` of the brick lies; `c` must be inside the brick, whose payload starts at byte `offset`.
     #[inline]
     #[must_use]
-    pub fn point(&self, c: Coord) -> Point {
+    pub fn point(&self, c: Coord, offset: usize) -> Point {
+        // In 32 bits: a payload has at most 64 MiB.
         let [bx, by, bz] = self.block_of(c);
         let block = bx + self.blocks.x * (by + self.blocks.y * bz);
         let row = c[1] + self.brick.y * c[2];
+        let word = row * self.row_words as u32 + (c[0] >> self.n_log2);
         let in_word = c[0] & ((1 << self.n_log2) - 1);
-        // A payload has at most 64 MiB, so that all of this fits in 32 bits.
         Point {
-            mmv: block * 2 * self.sample_type.bytes() as u32,
-            iv: self.iv_start as u32 + 2 * (row * self.row_words as u32 + (c[0] >> self.n_log2)),
-            shift: (in_word << (4 - self.n_log2)) as u8,
+            mmv: offset + (block * 2 * self.sample_type.bytes() as u32) as usize,
+            iv: offset + self.iv_start + 2 * word as usize,
+            shift: in_word << (4 - self.n_log2),
         }
     }
 
-    /// Asks memory for the words of a voxel, without waiting for them. Does nothing where the machine has no such thing.
-    #[inline]
-    pub fn prefetch(payload: &[u8], point: Point) {
-        prefetch(payload, point.mmv as usize);
-        prefetch(payload, point.iv as usize);
-    }
-
-    /// The voxel at `point`, which [`Layout::point`] of the same layout has given.
+    /// The voxel at `point` of `bytes`, which [`Layout::point`] of the same layout has given.
     ///
     /// # Panics
-    /// Where the payload is shorter than [`Layout::payload_len`].
+    /// Where `bytes` end before the payload does.
     #[inline]
     #[must_use]
-    pub fn read<T: Scalar>(&self, payload: &[u8], point: Point) -> T {
-        let pair = &payload[point.mmv as usize..][..2 * T::BYTES];
+    pub fn read<T: Scalar>(&self, bytes: &[u8], point: Point) -> T {
+        let pair = &bytes[point.mmv..point.mmv + 2 * T::BYTES];
         let (min, max) = (T::from_le(pair).stored(), T::from_le(&pair[T::BYTES..]).stored());
-        let word = &payload[point.iv as usize..][..2];
+        let word = &bytes[point.iv..point.iv + 2];
         let word = u32::from(u16::from_le_bytes([word[0], word[1]])) >> point.shift;
         // With the number of bits known to the compiler, the division by q is a multiplication.
         match self.n_log2 {
@@ -82,11 +86,11 @@ mod tests {
             for block in [Extent::cube(4), Extent::new(5, 3, 7), Extent::new(1, 128, 2)] {
                 let params = Params::new(bits, block, Endpoints::MinMax).unwrap();
                 let layout = Layout::new(&params, SampleType::U16, Extent::new(37, 18, 20));
-                let payload: Vec<u8> = (0..layout.payload_len()).map(|i| (i * 31 % 251) as u8).collect();
+                let shifted: Vec<u8> = (0..layout.payload_len() + 3).map(|i| (i * 31 % 251) as u8).collect();
                 for c in (0..20).flat_map(|z| (0..18).flat_map(move |y| (0..37).map(move |x| [x, y, z]))) {
-                    let point = layout.point(c);
-                    assert_eq!(layout.read::<u16>(&payload, point), layout.voxel::<u16>(&payload, c));
-                    Layout::prefetch(&payload, point);
+                    let point = layout.point(c, 3);
+                    point.prefetch(&shifted);
+                    assert_eq!(layout.read::<u16>(&shifted, point), layout.voxel::<u16>(&shifted[3..], c));
                 }
             }
         }

@@ -56,10 +56,9 @@ macro_rules! integer {
             // spec: S3D-10, S3D-12: R fits 16 bits and R·idx 24 bits, for every pair of end points.
             #[inline]
             fn reconstruct(min: Self, max: Self, idx: u32, q: u32) -> Self {
-                if min >= max {
-                    return min;
-                }
-                let r = (i32::from(max) - i32::from(min)).cast_unsigned();
+                // No branch: on random voxels it would be mispredicted, and no load would overlap another one. A range of
+                // 0, also that of end points out of order, gives step 0.
+                let r = (i32::from(max) - i32::from(min)).max(0).cast_unsigned();
                 let step = (2 * r * idx + q) / (2 * q);
                 // min + step lies between min and max for idx <= q, so the low bits are the value.
                 (i32::from(min) + step.cast_signed()) as $t
@@ -119,14 +118,11 @@ impl Scalar for f32 {
         let (lo, hi) = (f64::from(min), f64::from(max));
         let range = hi - lo;
         let orderly = range > 0.0 && range < f64::INFINITY;
-        if !orderly || idx == 0 {
-            return min;
-        }
-        if idx == q {
-            return max;
-        }
         let a = f64::from(idx) / f64::from(q);
-        ((1.0 - a) * lo + a * hi) as f32
+        let between = ((1.0 - a) * lo + a * hi) as f32;
+        // Selected, not branched on: see the integers.
+        let upper = if idx == q { max } else { between };
+        if orderly & (idx != 0) { upper } else { min }
     }
 
     // spec: S3D-21
