@@ -307,7 +307,13 @@ impl<'a> ViewMut<'a> {
         let (low, high) = self.bytes.split_at_mut(cut);
         let (extent, sample_type, row_pitch, slice_pitch) =
             (self.extent, self.sample_type, self.row_pitch, self.slice_pitch);
-        let part = |bytes, depth| ViewMut { bytes, extent: Extent { z: depth, ..extent }, sample_type, row_pitch, slice_pitch };
+        let part = |bytes, depth| ViewMut {
+            bytes,
+            extent: Extent { z: depth, ..extent },
+            sample_type,
+            row_pitch,
+            slice_pitch,
+        };
         (part(low, z), part(high, extent.z - z))
     }
 

@@ -17,8 +17,8 @@ pub mod convert;
 pub mod metrics;
 pub mod source;
 
-//#[cfg(feature = "cli")]
-//pub mod cli;
+#[cfg(feature = "cli")]
+pub mod cli;
 pub mod volume;
 
 pub use error::{Code, Error, Result};

@@ -39,6 +39,9 @@ const fn row(file: &'static str, dims: [u32; 3], t: SampleType, range: (f64, f64
 
 use SampleType::{F32, I16, Rgb8, U8, U16};
 
+/// What the constant volume holds: 3.14, rounded to f32.
+const CONSTANT: f64 = 314.0 / 100.0;
+
 const VOLUMES: &[Row] = &[
     row("ct_visiblehuman_head_u8.nrrd", [512, 512, 234], U8, (0.0, 255.0), None),
     row("ct_chest_lidc2.nhdr", [256, 256, 133], U8, (0.0, 255.0), Some([1.40625, 1.40625, 2.5])),
@@ -81,10 +84,10 @@ const VOLUMES: &[Row] = &[
     row("edge/BallBinary30x30x30_byteskip_minus_one.nhdr", [30; 3], I16, (0.0, 257.0), Some([1.0; 3])),
     row("edge/BallBinary30x30x30_byteskip_minus_one_nifti.nhdr", [30; 3], I16, (0.0, 257.0), Some([1.0; 3])),
     row("edge/BallBinary30x30x30.nii.gz", [30; 3], I16, (0.0, 257.0), Some([1.0; 3])),
-    row("edge/test1d_ascii.nrrd", [27, 1, 1], U8, (1.0, 27.0), Some([1.0458000000000001, 1.0, 1.0])),
-    row("edge/test_customFields.nrrd", [27, 1, 1], U8, (1.0, 27.0), Some([1.0458000000000001, 1.0, 1.0])),
-    row("edge/test2d_ascii.nrrd", [3, 9, 1], U16, (1.0, 27.0), Some([1.0458000000000001, 2.0, 1.0])),
-    row("edge/const32x20x16.nhdr", [32, 20, 16], F32, (3.14, 3.14), None),
+    row("edge/test1d_ascii.nrrd", [27, 1, 1], U8, (1.0, 27.0), Some([1.0458, 1.0, 1.0])),
+    row("edge/test_customFields.nrrd", [27, 1, 1], U8, (1.0, 27.0), Some([1.0458, 1.0, 1.0])),
+    row("edge/test2d_ascii.nrrd", [3, 9, 1], U16, (1.0, 27.0), Some([1.0458, 2.0, 1.0])),
+    row("edge/const32x20x16.nhdr", [32, 20, 16], F32, (CONSTANT, CONSTANT), None),
     row("edge/seg3d_label_brain.nrrd", [160, 232, 160], U8, (0.0, 1.0), Some([1.0, 0.898437, 0.898437])),
     row("edge/flair_oblique.nrrd", [124, 160, 140], U8, (0.0, 255.0), Some([1.0; 3])),
 ];

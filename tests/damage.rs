@@ -12,7 +12,13 @@ use vug::{Code, Extent, Grid, Region};
 fn small(zstd: bool) -> (Grid, Vec<u8>) {
     let extent = Extent::new(37, 18, 20);
     let mut grid = Grid::from_fn(extent, |[x, y, z]| {
-        if x < 16 { (x * 7 + y * 3 + z) as u16 } else if x < 32 { 500 } else { 0 }
+        if x < 16 {
+            (x * 7 + y * 3 + z) as u16
+        } else if x < 32 {
+            500
+        } else {
+            0
+        }
     })
     .unwrap();
     let options = EncodeOptions {
@@ -118,7 +124,8 @@ fn salvage_gives_what_is_whole() {
     let saved = volume.salvage(At::default(), region).unwrap();
     assert!(!saved.lost.is_empty() && saved.lost.len() <= 2, "{}", saved.lost.len());
     assert!(saved.lost.iter().all(|l| l.error.code() == Code::BrickCrc));
-    let lost = |c: [u32; 3]| saved.lost.iter().any(|l| (0..3).all(|a| (l.region.start[a]..l.region.end[a]).contains(&c[a])));
+    let lost =
+        |c: [u32; 3]| saved.lost.iter().any(|l| (0..3).all(|a| (l.region.start[a]..l.region.end[a]).contains(&c[a])));
     for z in 0..extent.z {
         for y in 0..extent.y {
             for x in 0..extent.x {

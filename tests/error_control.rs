@@ -155,7 +155,13 @@ fn nan_is_refused_by_position_or_replaced_and_counted() {
                     assert!(error.message().contains(&format!("voxel {x},{y},{z} ")), "{error}");
                 }
             }
-            let options = EncodeOptions { non_finite: NonFinite::Null, null_value: 7.0, levels: 2, brick: Some(16), ..explicit(8, 2) };
+            let options = EncodeOptions {
+                non_finite: NonFinite::Null,
+                null_value: 7.0,
+                levels: 2,
+                brick: Some(16),
+                ..explicit(8, 2)
+            };
             let mut grid = Grid::from_fn(e, make).unwrap();
             let (bytes, report) = encode(&mut grid, &options);
             assert!(verify(&bytes).is_empty(), "{:?}", verify(&bytes));

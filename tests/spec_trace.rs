@@ -71,7 +71,10 @@ fn cited(root: &Path) -> (BTreeSet<String>, BTreeSet<String>) {
         let text = fs::read_to_string(&file).unwrap();
         let path = file.strip_prefix(root).unwrap().to_str().unwrap().to_owned();
         let name = file.file_stem().unwrap().to_str().unwrap();
-        let all_test = path.starts_with("tests") || name.starts_with("test") || name.ends_with("_tests") || path.contains("/tests/");
+        let all_test = path.starts_with("tests")
+            || name.starts_with("test")
+            || name.ends_with("_tests")
+            || path.contains("/tests/");
         let split = if all_test { 0 } else { text.find("#[cfg(test)]").unwrap_or(text.len()) };
         code.extend(citations(&text[..split]));
         tests.extend(citations(&text[split..]));

@@ -1,9 +1,9 @@
 //! The command line, declared.
 
+use crate::convert::Stored;
 use crate::error::{Error, Result};
 use crate::geometry::{Extent, Region};
 use crate::volume::{Axis, Bound};
-use crate::voxel::SampleType;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
 
@@ -71,9 +71,9 @@ pub(super) struct Import {
     /// Shape of a raw file, in voxels: x fastest
     #[arg(long, value_name = "X,Y,Z", value_parser = parse_extent)]
     pub(super) shape: Option<Extent>,
-    /// Sample type: of a raw file, or to convert another file's samples to [u8, u16, i16, f32, rgb8]
+    /// Sample type. Of a raw file: what it stores, e.g. u16, i32be, f64. Of others: u8, u16, i16, f32 or rgb8 to convert to
     #[arg(long, value_name = "TYPE")]
-    pub(super) dtype: Option<SampleType>,
+    pub(super) dtype: Option<Stored>,
 }
 
 /// Makes a synthetic volume, encodes it with several settings, verifies and pictures it: see DIR/index.html
@@ -236,11 +236,13 @@ pub(super) struct Verify {
 
 /// Compares two volumes of any readable format: B against the reference A
 #[derive(Args)]
-#[command(after_help = "PSNR takes the range (max − min) of A as its peak. SSIM is the mean over z slices, 11×11 Gaussian window.
+#[command(
+    after_help = "PSNR takes the range (max − min) of A as its peak. SSIM is the mean over z slices, 11×11 Gaussian window.
 
 Examples:
   vug compare head.nrrd back.nrrd
-  vug compare head.nrrd head.vug --json --max-error 9     exit 1 where an error is larger")]
+  vug compare head.nrrd head.vug --json --max-error 9     exit 1 where an error is larger"
+)]
 pub(super) struct Compare {
     /// Reference
     pub(super) a: PathBuf,
@@ -260,14 +262,16 @@ pub(super) struct Compare {
 
 /// Writes a slice of a volume as PNG, or how it differs from another volume
 #[derive(Args)]
-#[command(after_help = "Orientation: z slices show x to the right and y down; y slices x right, z up; x slices y right, z up.
+#[command(
+    after_help = "Orientation: z slices show x to the right and y down; y slices x right, z up; x slices y right, z up.
 Difference images show |FILE − SOURCE| in classes of SOURCE's range: dark blue none, blue below 5 %, green to 10 %,
 yellow to 15 %, red from 15 % on.
 
 Examples:
   vug slice head.vug --axis z --index 100 -o slice.png
   vug slice ct.nii.gz --axis y --index 128 --range -200,400 --colormap viridis -o slice.png
-  vug slice head.vug --axis z --index 100 --against head.nrrd -o difference.png")]
+  vug slice head.vug --axis z --index 100 --against head.nrrd -o difference.png"
+)]
 pub(super) struct Slice {
     /// Volume: .vug or any other readable file
     pub(super) file: PathBuf,

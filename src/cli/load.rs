@@ -1,9 +1,9 @@
 //! Any readable file as a grid: `.vug` by its first bytes, everything else by its name.
 
 use super::args;
-use crate::affine::{Placement, ValueMap};
+use crate::affine::Placement;
 use crate::container::MAGIC;
-use crate::convert::{self, ImportOptions};
+use crate::convert::{self, Format, ImportOptions, Stored};
 use crate::error::{Error, Result};
 use crate::geometry::Extent;
 use crate::grid::Grid;
@@ -15,7 +15,6 @@ use std::path::Path;
 pub(super) struct Loaded {
     pub(super) grid: Grid,
     pub(super) placement: Placement,
-    pub(super) value_map: ValueMap,
 }
 
 /// Whether the file starts as a `.vug` file does.
@@ -27,48 +26,75 @@ pub(super) fn is_vug(path: &Path) -> Result<bool> {
     Ok(start.starts_with(&MAGIC[..4]) || path.extension().is_some_and(|e| e == "vug"))
 }
 
-pub(super) fn import_options(import: &args::Import) -> ImportOptions {
-    ImportOptions { shape: import.shape, dtype: import.dtype, ..ImportOptions::default() }
+/// What the arguments say of the file at `path`.
+///
+/// # Errors
+/// `E_PARAM` where samples are to be converted to what is not a sample type.
+pub(super) fn import_options(path: &Path, import: &args::Import) -> Result<ImportOptions> {
+    let mut options = ImportOptions { shape: import.shape, ..ImportOptions::default() };
+    match import.dtype {
+        // A raw file does not say what it stores: the type is that, and narrowed like any other file's.
+        Some(stored) if Format::of_path(path) == Some(Format::Raw) => options.raw_dtype = Some(stored),
+        Some(stored) => {
+            let native = stored.kind.native().filter(|_| stored == Stored::from(stored.kind));
+            options.dtype = Some(native.ok_or_else(|| {
+                Error::param(
+                    "dtype",
+                    "samples can be converted to u8, u16, i16, f32 or rgb8; other types describe raw files",
+                )
+            })?);
+        }
+        None => {}
+    }
+    Ok(options)
 }
 
 /// Reads a whole volume.
 pub(super) fn load(path: &Path, import: &args::Import) -> Result<Loaded> {
     if is_vug(path)? {
         let volume = Volume::open_path(path)?;
-        let (placement, value_map) = (volume.info().placement.clone(), volume.info().value_map);
-        return Ok(Loaded { grid: volume.read(At::default())?, placement, value_map });
+        let placement = volume.info().placement.clone();
+        return Ok(Loaded { grid: volume.read(At::default())?, placement });
     }
-    let mut source = convert::import(path, &import_options(import))?;
+    let mut source = convert::import(path, &import_options(path, import)?)?;
     let mut grid = Grid::zeros(source.reader.extent(), source.reader.sample_type())?;
     let planes = 0..grid.extent().z;
     source.reader.read_slab(planes, grid.bytes_mut())?;
-    Ok(Loaded { grid, placement: source.placement, value_map: source.value_map })
+    Ok(Loaded { grid, placement: source.placement })
 }
 
-/// Reads one plane; of a `.vug` file only the bricks that it cuts. `index` None is the middle.
+/// One plane of a volume, and what is known of the whole.
+pub(super) struct LoadedPlane {
+    pub(super) plane: Grid,
+    pub(super) placement: Placement,
+    /// Smallest and largest value of the whole volume; of a `.vug` file those of its source.
+    pub(super) volume_range: (f64, f64),
+}
+
+/// Reads one plane, and its position; of a `.vug` file only the bricks that it cuts. `index` None is the middle.
 pub(super) fn load_plane(
     path: &Path,
     import: &args::Import,
     lod: u8,
     axis: Axis,
     index: Option<u32>,
-) -> Result<(Loaded, u32)> {
+) -> Result<(LoadedPlane, u32)> {
     let middle = |extent: Extent| index.unwrap_or(extent.to_array()[axis as usize] / 2);
     if is_vug(path)? {
         let volume = Volume::open_path(path)?;
-        let extent = volume.levels().nth(usize::from(lod)).unwrap_or(volume.info().dims);
-        let index = middle(extent);
-        let grid = volume.plane(At::lod(lod), axis, index)?;
-        let (placement, value_map) = (volume.info().placement.clone(), volume.info().value_map);
-        return Ok((Loaded { grid, placement, value_map }, index));
+        let info = volume.info();
+        let index = middle(volume.levels().nth(usize::from(lod)).unwrap_or(info.dims));
+        let plane = volume.plane(At::lod(lod), axis, index)?;
+        let (placement, volume_range) = (info.placement.clone(), info.source_range);
+        return Ok((LoadedPlane { plane, placement, volume_range }, index));
     }
     if lod != 0 {
         return Err(Error::param("level", format!("{} has no levels of detail", path.display())));
     }
-    let all = load(path, import)?;
-    let index = middle(all.grid.extent());
-    let grid = cut(&all.grid, axis, index)?;
-    Ok((Loaded { grid, ..all }, index))
+    let Loaded { grid, placement } = load(path, import)?;
+    let index = middle(grid.extent());
+    let (plane, volume_range) = (cut(&grid, axis, index)?, grid.range().unwrap_or_default());
+    Ok((LoadedPlane { plane, placement, volume_range }, index))
 }
 
 /// Plane `index` across `axis` of a grid.

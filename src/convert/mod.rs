@@ -40,7 +40,7 @@ pub enum Format {
 
 impl Format {
     /// File name endings, for messages.
-    pub const ENDINGS: &'static str = ".raw .bin .npy .nrrd .nhdr .nii .nii.gz .hdr .img .img.gz";
+    pub const ENDINGS: &'static str = ".raw .bin .npy .nrrd .nhdr .nii .nii.gz .hdr .hdr.gz .img .img.gz";
 
     /// The format that a file name's ending stands for.
     #[must_use]

@@ -117,10 +117,15 @@ impl Payload {
 
 /// Reverses the bytes of each sample where the file's order is not the machine's.
 fn to_native(stored: Stored, bytes: &mut [u8]) {
-    if stored.swapped() {
-        for sample in bytes.chunks_exact_mut(stored.kind.bytes()) {
-            sample.reverse();
-        }
+    fn reverse<const N: usize>(bytes: &mut [u8]) {
+        bytes.as_chunks_mut::<N>().0.iter_mut().for_each(|sample| sample.reverse());
+    }
+    match stored.kind.bytes() {
+        2 if stored.swapped() => reverse::<2>(bytes),
+        4 if stored.swapped() => reverse::<4>(bytes),
+        8 if stored.swapped() => reverse::<8>(bytes),
+        // Single bytes and colours have no order.
+        _ => {}
     }
 }
 

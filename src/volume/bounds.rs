@@ -83,7 +83,7 @@ impl Volume {
                 continue;
             }
             let (_, layout) = self.codec_of(found.node(), at.lod, brick)?;
-            let Some(s3dc) = &layout.s3dc else {
+            let Some(s3dc) = &self.codecs.layout(layout).s3dc else {
                 regions.push(whole);
                 continue;
             };

@@ -197,6 +197,8 @@ pub(super) fn non_finite_error(value: f32, at: Coord) -> Error {
     Error::new(
         Code::NonFinite,
         "samples",
-        format!("{value} at voxel {x},{y},{z} (x,y,z); clean the data, or replace such voxels by the null value (--nan null)"),
+        format!(
+            "{value} at voxel {x},{y},{z} (x,y,z); clean the data, or replace such voxels by the null value (--nan null)"
+        ),
     )
 }

@@ -1,9 +1,9 @@
 //! Payloads of stored bricks: fetched, checked once against their CRC, inflated, kept (spec chapter 6).
 
 use super::At;
-use super::codecs::{Entry, Layout};
+use super::codecs::Entry;
 use super::open::Volume;
-use super::pages::Page;
+use super::pages::{Known, Page};
 use crate::checksum::crc32;
 use crate::container::{Node, NodeFlags, NodeKind};
 use crate::error::{Code, Error, Result};
@@ -76,18 +76,19 @@ impl Volume {
         Ok(Found { page, slot })
     }
 
-    /// Codec entry and layout of a stored brick.
+    /// Codec entry and index of the layout of a stored brick.
     #[inline]
-    pub(super) fn codec_of(&self, node: &Node, lod: u8, brick: Coord) -> Result<(&Entry, &Layout)> {
+    pub(super) fn codec_of(&self, node: &Node, lod: u8, brick: Coord) -> Result<(&Entry, usize)> {
         let entry = self.codecs.get(node.codec)?;
-        Ok((entry, entry.layout(lod, brick, self.head.octree.levels[usize::from(lod)].bricks)))
+        let bricks = self.head.octree.levels[usize::from(lod)].bricks;
+        Ok((entry, self.codecs.layout_index(entry, lod, brick, bricks)))
     }
 
     /// The payload of a stored brick, uncompressed and checked.
     #[inline]
-    pub(super) fn payload(&self, found: &Found<'_>, layout: &Layout) -> Result<Payload<'_>> {
+    pub(super) fn payload(&self, found: &Found<'_>, layout: usize) -> Result<Payload<'_>> {
         let node = found.node();
-        if !node.flags.contains(NodeFlags::ZSTD) && found.page.is_some_and(|p| p.is_checked(found.slot)) {
+        if !node.flags.contains(NodeFlags::ZSTD) && found.page.is_some_and(|p| p.known(found.slot).is_checked()) {
             if let Some(bytes) = self.stored_slice(node) {
                 return Ok(Payload::Slice(bytes));
             }
@@ -104,12 +105,16 @@ impl Volume {
 
     /// Whether [`Volume::payload`] would have to read: the ranges of several bricks can then be read together.
     pub(super) fn wants_read(&self, node: &Node) -> bool {
-        node.kind == NodeKind::Stored && self.source.as_slice().is_none() && self.bricks.cache.peek(&node.offset).is_none()
+        node.kind == NodeKind::Stored
+            && self.source.as_slice().is_none()
+            && self.bricks.cache.peek(&node.offset).is_none()
     }
 
     /// The first use of a payload; `stored` are its bytes where a merged read has brought them already.
-    pub(super) fn payload_slow(&self, found: &Found<'_>, layout: &Layout, stored: Option<&[u8]>) -> Result<Payload<'_>> {
+    pub(super) fn payload_slow(&self, found: &Found<'_>, layout: usize, stored: Option<&[u8]>) -> Result<Payload<'_>> {
         let node = found.node();
+        let layout_index = layout;
+        let layout = self.codecs.layout(layout);
         if let Some(shared) = self.bricks.cache.get(&node.offset) {
             return Ok(Payload::Shared(shared));
         }
@@ -128,18 +133,21 @@ impl Volume {
             Some(bytes) => std::borrow::Cow::Borrowed(bytes),
             None => self.source.read(node.offset, node.stored_len as usize)?,
         };
-        if !found.page.is_some_and(|p| p.is_checked(found.slot)) {
+        if !found.page.is_some_and(|p| p.known(found.slot).is_checked()) {
             let computed = crc32(&bytes);
             if computed != node.crc {
                 return Err(self.replaced_or(Error::at(
                     Code::BrickCrc,
                     node.offset,
                     "brick.payload",
-                    format!("CRC {computed:08x} computed, {:08x} stored; the brick is damaged, salvage reads the rest", node.crc),
+                    format!(
+                        "CRC {computed:08x} computed, {:08x} stored; the brick is damaged, salvage reads the rest",
+                        node.crc
+                    ),
                 )));
             }
             if let Some(page) = found.page {
-                page.set_checked(found.slot);
+                page.set_known(found.slot, Known::CHECKED);
             }
         }
         if zstd {
@@ -147,6 +155,9 @@ impl Volume {
             return Ok(self.keep(node.offset, inflated.into()));
         }
         if let Some(bytes) = self.stored_slice(node) {
+            if let (Some(page), Some(_)) = (found.page, layout.s3dc) {
+                page.set_known(found.slot, Known::direct(node.offset, layout_index).unwrap_or(Known::CHECKED));
+            }
             return Ok(Payload::Slice(bytes));
         }
         Ok(self.keep(node.offset, bytes.into()))

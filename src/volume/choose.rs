@@ -39,7 +39,9 @@ pub(super) fn choose(
     if options.codec == CodecChoice::Raw {
         return match options.quality {
             Quality::Explicit { .. } | Quality::MaxError(_) | Quality::Psnr(_) => raw(Vec::new()),
-            Quality::Rate(rate) => Err(Error::param("rate", format!("raw takes what it takes, not {rate} bits; use s3dc"))),
+            Quality::Rate(rate) => {
+                Err(Error::param("rate", format!("raw takes what it takes, not {rate} bits; use s3dc")))
+            }
         };
     }
     if t == SampleType::Rgb8 {
@@ -119,7 +121,7 @@ fn search(
             let params = s3dc::Params::new(bits, Extent::cube(edge), options.endpoints)?;
             encoders.push(BrickEncoder {
                 codec: Codec::S3dc(params),
-                        zstd: false,
+                zstd: false,
                 non_finite: options.non_finite,
                 null,
                 weigh_lossless: false,
@@ -155,7 +157,9 @@ fn holds(stats: &BrickStats, quality: Quality) -> bool {
     match quality {
         Quality::MaxError(Bound::Absolute(bound)) => stats.error.max_abs <= bound,
         Quality::MaxError(Bound::Percent(percent)) => stats.error.max_abs <= percent / 100.0 * range,
-        Quality::Psnr(db) => stats.error.max_abs == 0.0 || psnr(range, stats.error.rmse()).is_some_and(|found| found >= db),
+        Quality::Psnr(db) => {
+            stats.error.max_abs == 0.0 || psnr(range, stats.error.rmse()).is_some_and(|found| found >= db)
+        }
         Quality::Rate(_) | Quality::Explicit { .. } => unreachable!("not a bound on the error"),
     }
 }

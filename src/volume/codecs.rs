@@ -8,8 +8,9 @@ use crate::geometry::{Coord, Extent};
 /// One entry of the table.
 pub(super) struct Entry {
     pub(super) codec: Codec,
-    /// Layouts per level for bricks that are partial along x (bit 0), y (bit 1), z (bit 2).
-    layouts: Vec<[Layout; 8]>,
+    /// Where its layouts start in [`CodecTable::layouts`]: eight per level, for bricks that are partial along x (bit 0),
+    /// y (bit 1), z (bit 2).
+    first_layout: usize,
 }
 
 /// A brick extent and, for S3Dc, where its parts lie.
@@ -23,12 +24,15 @@ pub(super) struct Layout {
 /// Unknown codecs stay data: the volume opens, and only decoding a brick of theirs fails.
 pub(super) struct CodecTable {
     entries: Vec<std::result::Result<Entry, (u16, u16)>>,
+    layouts: Vec<Layout>,
 }
 
 impl CodecTable {
     pub(super) fn new(head: &Head) -> Result<Self> {
         let d = &head.descriptor;
         let mut entries = Vec::with_capacity(d.codecs.len());
+        let mut layouts = Vec::new();
+        let edge = 1u32 << d.brick_log2;
         for wire in &d.codecs {
             let codec = match Codec::from_wire(wire.id, wire.stream_version, &wire.params) {
                 Ok(codec) => codec,
@@ -39,27 +43,36 @@ impl CodecTable {
                 Err(e) => return Err(e),
             };
             codec.supports(d.sample_type)?;
-            let edge = 1u32 << d.brick_log2;
-            let layouts = head.octree.levels.iter().map(|level| {
-                std::array::from_fn(|partial| {
-                    let last = |axis: usize, n: u32| {
-                        if partial >> axis & 1 == 0 { edge.min(n) } else { n - (n - 1) / edge * edge }
-                    };
-                    let e = level.extent;
-                    let extent = Extent::new(last(0, e.x), last(1, e.y), last(2, e.z));
-                    Layout {
-                        extent,
-                        s3dc: match codec {
-                            Codec::S3dc(params) => Some(s3dc::Layout::new(&params, d.sample_type, extent)),
-                            Codec::Raw => None,
-                        },
-                        payload_len: codec.payload_len(d.sample_type, extent),
-                    }
-                })
-            });
-            entries.push(Ok(Entry { codec, layouts: layouts.collect() }));
+            entries.push(Ok(Entry { codec, first_layout: layouts.len() }));
+            for (level, partial) in head.octree.levels.iter().flat_map(|l| (0..8).map(move |partial| (l, partial))) {
+                let last = |axis: usize, n: u32| {
+                    if partial >> axis & 1 == 0 { edge.min(n) } else { n - (n - 1) / edge * edge }
+                };
+                let e = level.extent;
+                let extent = Extent::new(last(0, e.x), last(1, e.y), last(2, e.z));
+                let s3dc = match codec {
+                    Codec::S3dc(params) => Some(s3dc::Layout::new(&params, d.sample_type, extent)),
+                    Codec::Raw => None,
+                };
+                layouts.push(Layout { extent, s3dc, payload_len: codec.payload_len(d.sample_type, extent) });
+            }
         }
-        Ok(CodecTable { entries })
+        Ok(CodecTable { entries, layouts })
+    }
+
+    /// Index of the layout of brick `brick` of level `lod`, where the level has `bricks` bricks.
+    #[inline]
+    pub(super) fn layout_index(&self, entry: &Entry, lod: u8, brick: Coord, bricks: Extent) -> usize {
+        let partial = usize::from(brick[0] + 1 == bricks.x)
+            | usize::from(brick[1] + 1 == bricks.y) << 1
+            | usize::from(brick[2] + 1 == bricks.z) << 2;
+        entry.first_layout + usize::from(lod) * 8 + partial
+    }
+
+    /// Layout `index`.
+    #[inline]
+    pub(super) fn layout(&self, index: usize) -> &Layout {
+        &self.layouts[index]
     }
 
     /// Entry `index` of the table.
@@ -74,17 +87,5 @@ impl CodecTable {
             )),
             None => Err(Error::new(Code::Ref, "node.codec", format!("entry {index} is not in the codec table"))),
         }
-    }
-
-}
-
-impl Entry {
-    /// Layout of brick `brick` of level `lod`, where the level has `bricks` bricks.
-    #[inline]
-    pub(super) fn layout(&self, lod: u8, brick: Coord, bricks: Extent) -> &Layout {
-        let partial = usize::from(brick[0] + 1 == bricks.x)
-            | usize::from(brick[1] + 1 == bricks.y) << 1
-            | usize::from(brick[2] + 1 == bricks.z) << 2;
-        &self.layouts[usize::from(lod)][partial]
     }
 }

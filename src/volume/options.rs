@@ -127,7 +127,10 @@ impl EncodeOptions {
             return Err(Error::param("brick", format!("{edge} is not one of 16, 32, 64, 128, 256")));
         }
         if largest > edge {
-            return Err(Error::param("brick", format!("a brick of {edge} voxels is smaller than the block of {block}")));
+            return Err(Error::param(
+                "brick",
+                format!("a brick of {edge} voxels is smaller than the block of {block}"),
+            ));
         }
         Ok(log2)
     }

@@ -4,7 +4,7 @@ use super::counted::Counted;
 use crate::container::{self, CHUNK_PAGES, Head, Node, PageEntry};
 use crate::error::Result;
 use std::sync::OnceLock;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicU64, Ordering};
 
 /// One slot per present directory chunk, in the order of the root directory: memory follows the file, not its dims.
 pub(super) struct Pages {
@@ -19,13 +19,47 @@ struct PageSlot {
 /// 8×8×8 nodes of one level in Morton order; trailing EMPTY ones are absent.
 pub(super) struct Page {
     nodes: Vec<Node>,
-    checked: Box<[AtomicBool]>,
+    /// What has been learnt of each payload since the file was opened; see [`Known`].
+    known: Box<[AtomicU64]>,
+}
+
+/// What has been learnt of a payload, packed in 64 bits: bit 0, the checksum holds; bits 1 to 7, one more than the layout
+/// of a payload that can be read where it lies; bits 8 to 63, its offset in the file.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) struct Known(u64);
+
+impl Known {
+    pub(super) const CHECKED: Known = Known(1);
+
+    /// A checked payload that lies in memory as a part of the file. `None` where the numbers do not fit.
+    pub(super) fn direct(offset: u64, layout: usize) -> Option<Known> {
+        (layout < 127 && offset < 1 << 56).then(|| Known(offset << 8 | (layout as u64 + 1) << 1 | 1))
+    }
+
+    #[inline]
+    pub(super) fn is_checked(self) -> bool {
+        self.0 != 0
+    }
+
+    /// Offset in the file and layout of a payload that can be read where it lies.
+    #[inline]
+    pub(super) fn as_direct(self) -> Option<(usize, usize)> {
+        let layout = (self.0 >> 1 & 127) as usize;
+        // The offset was one of a slice in memory.
+        #[allow(clippy::cast_possible_truncation, reason = "an offset into a slice")]
+        (layout > 0).then(|| ((self.0 >> 8) as usize, layout - 1))
+    }
 }
 
 impl Page {
+    fn new(nodes: Vec<Node>) -> Self {
+        let known = nodes.iter().map(|_| AtomicU64::new(0)).collect();
+        Page { nodes, known }
+    }
+
     /// A page of one node that did not come from the index.
     pub(super) fn single(node: Node) -> Self {
-        Page { nodes: vec![node], checked: [AtomicBool::new(false)].into() }
+        Page::new(vec![node])
     }
 
     /// The node in `slot`; absent ones are EMPTY.
@@ -39,15 +73,15 @@ impl Page {
         &self.nodes
     }
 
-    /// Whether the payload of `slot` has passed its checksum since the file was opened.
+    /// What is known of the payload of `slot`.
     #[inline]
-    pub(super) fn is_checked(&self, slot: usize) -> bool {
-        self.checked.get(slot).is_some_and(|c| c.load(Ordering::Acquire))
+    pub(super) fn known(&self, slot: usize) -> Known {
+        Known(self.known.get(slot).map_or(0, |k| k.load(Ordering::Acquire)))
     }
 
-    pub(super) fn set_checked(&self, slot: usize) {
-        if let Some(c) = self.checked.get(slot) {
-            c.store(true, Ordering::Release);
+    pub(super) fn set_known(&self, slot: usize, known: Known) {
+        if let Some(k) = self.known.get(slot) {
+            k.store(known.0, Ordering::Release);
         }
     }
 }
@@ -83,6 +117,18 @@ impl Pages {
             Some(page) => Ok(Some(page)),
             None => load_page(head, source, slot, ordinal).map(Some),
         }
+    }
+
+    /// The page with this ordinal if it is in memory already.
+    #[inline]
+    pub(super) fn loaded(&self, head: &Head, ordinal: u64) -> Option<&Page> {
+        #[allow(clippy::cast_possible_truncation, reason = "the index of a vector, and below 1024")]
+        let (chunk, page) = ((ordinal / CHUNK_PAGES) as usize, (ordinal % CHUNK_PAGES) as usize);
+        // Only where every chunk is present; sparse directories take the long way.
+        if head.directory.get(chunk)?.ordinal != ordinal / CHUNK_PAGES {
+            return None;
+        }
+        self.chunks.get(chunk)?.get()?.get(page)?.page.get()
     }
 
     /// Visits every page that is present, in file order of their ordinals.
@@ -129,6 +175,5 @@ fn load_page<'a>(head: &Head, source: &Counted, slot: &'a PageSlot, ordinal: u64
         Some(bytes) => container::parse_page(bytes, &slot.entry, ordinal, head)?,
         None => container::parse_page(&source.read(slot.entry.offset, len)?, &slot.entry, ordinal, head)?,
     };
-    let checked = nodes.iter().map(|_| AtomicBool::new(false)).collect();
-    Ok(slot.page.get_or_init(|| Page { nodes, checked }))
+    Ok(slot.page.get_or_init(|| Page::new(nodes)))
 }

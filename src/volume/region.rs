@@ -1,7 +1,7 @@
 //! Reading boxes: regions, planes, blocks, bricks, whole levels.
 
 use super::bricks::{Found, Payload};
-use super::codecs::{Entry, Layout};
+use super::codecs::Entry;
 use super::open::Volume;
 use super::{At, Axis};
 use crate::codec::Codec;
@@ -23,7 +23,7 @@ const STAGE_BYTES: u64 = 256 << 20;
 /// What fills a part of the region.
 enum Content<'a> {
     Constant(SampleValue),
-    Stored { entry: &'a Entry, layout: &'a Layout, payload: Option<Payload<'a>> },
+    Stored { entry: &'a Entry, layout: usize, extent: Extent, payload: Option<Payload<'a>> },
 }
 
 /// One brick's share of a region.
@@ -113,7 +113,13 @@ impl Volume {
         if dst.extent != region.extent() || dst.sample_type != self.info().sample_type {
             return Err(Error::param(
                 "dst",
-                format!("{} voxels of {} given for {} of {}", dst.extent, dst.sample_type, region.extent(), self.info().sample_type),
+                format!(
+                    "{} voxels of {} given for {} of {}",
+                    dst.extent,
+                    dst.sample_type,
+                    region.extent(),
+                    self.info().sample_type
+                ),
             ));
         }
         let mut rest = dst;
@@ -121,7 +127,11 @@ impl Volume {
         while z < region.end[2] {
             let (parts, end) = self.stage(at, &region, z)?;
             let (now, later) = rest.split_at_z(end - z);
-            decode_parts(&parts, now, &Region { start: [region.start[0], region.start[1], z], end: [region.end[0], region.end[1], end] })?;
+            decode_parts(
+                &parts,
+                now,
+                &Region { start: [region.start[0], region.start[1], z], end: [region.end[0], region.end[1], end] },
+            )?;
             (rest, z) = (later, end);
         }
         Ok(())
@@ -169,7 +179,7 @@ impl Volume {
             NodeKind::Constant => Content::Constant(node.constant(self.info().sample_type)?),
             NodeKind::Stored => {
                 let (entry, layout) = self.codec_of(node, at.lod, brick)?;
-                Content::Stored { entry, layout, payload: None }
+                Content::Stored { entry, layout, extent: self.codecs.layout(layout).extent, payload: None }
             }
         };
         let region = self.head.octree.brick_region(at.lod, brick).intersect(region);
@@ -214,8 +224,8 @@ impl Volume {
             let len = part.found.node().stored_len as usize;
             let stored = merged[i].map(|(buffer, from)| &buffers[buffer][from..from + len]);
             *payload = Some(match stored {
-                Some(_) => self.payload_slow(&part.found, layout, stored)?,
-                None => self.payload(&part.found, layout)?,
+                Some(_) => self.payload_slow(&part.found, *layout, stored)?,
+                None => self.payload(&part.found, *layout)?,
             });
             Ok(())
         })
@@ -269,9 +279,9 @@ fn decode_part(part: &Part<'_>, wanted: &Region, mut dst: ViewMut<'_>) -> Result
             }
             Ok(())
         }
-        Content::Stored { entry, layout, payload } => {
+        Content::Stored { entry, extent, payload, .. } => {
             let payload = payload.as_ref().expect("fetched before it is decoded");
-            entry.codec.decode(payload, layout.extent, &relative(wanted, part.origin), dst)
+            entry.codec.decode(payload, *extent, &relative(wanted, part.origin), dst)
         }
     }
 }

@@ -66,7 +66,8 @@ impl Volume {
                         },
                         Err(page_error) => {
                             let leaders = leaders.get_or_insert_with(|| self.scan_leaders(tree, at.lod));
-                            let read = leaders.get(&brick).map(|page| self.decode_found(at, brick, page, wanted, &mut dst));
+                            let read =
+                                leaders.get(&brick).map(|page| self.decode_found(at, brick, page, wanted, &mut dst));
                             match read {
                                 Some(Ok(())) => {
                                     found_by_leader += 1;
@@ -95,7 +96,12 @@ impl Volume {
         let origin = self.head.octree.brick_region(at.lod, brick).start;
         let start = std::array::from_fn(|a| wanted.start[a] - origin[a]);
         let whole = Region::whole(dst.extent);
-        entry.codec.decode(&payload, layout.extent, &Region::at(start, wanted.extent()), dst.sub(&whole))
+        entry.codec.decode(
+            &payload,
+            self.codecs.layout(layout).extent,
+            &Region::at(start, wanted.extent()),
+            dst.sub(&whole),
+        )
     }
 
     /// All leaders of one level of one tree, as pages of one node. The last one of a brick wins.

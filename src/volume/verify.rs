@@ -41,9 +41,8 @@ pub fn verify(source: &dyn ByteSource, limits: &Limits, progress: &mut dyn FnMut
     let bytes = source.len();
     let mut read = |offset: u64, len: usize| {
         let mut out = Vec::new();
-        out.try_reserve_exact(len).map_err(|_| {
-            Error::at(crate::Code::Limit, offset, "memory", format!("{len} bytes cannot be allocated"))
-        })?;
+        out.try_reserve_exact(len)
+            .map_err(|_| Error::at(crate::Code::Limit, offset, "memory", format!("{len} bytes cannot be allocated")))?;
         out.resize(len, 0);
         source.read_at(offset, &mut out).map(|()| out)
     };

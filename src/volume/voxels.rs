@@ -1,10 +1,8 @@
 //! Single voxels and batches of them.
 
 use super::At;
-use super::bricks::Payload;
-use super::codecs::{Entry, Layout};
 use super::open::Volume;
-use crate::codec::{Codec, s3dc};
+use crate::codec::s3dc;
 use crate::container::NodeKind;
 use crate::error::{Error, Result};
 use crate::geometry::{Coord, Extent, Region};
@@ -14,12 +12,8 @@ use crate::with_sample;
 /// Voxels whose bytes are asked for ahead before the first of them is decoded: enough to hide main memory's latency.
 const AHEAD: usize = 32;
 
-/// Where a voxel's bytes are.
-enum Place<'a> {
-    Value(SampleValue),
-    S3dc { layout: &'a s3dc::Layout, payload: Payload<'a>, local: Coord },
-    Other { entry: &'a Entry, layout: &'a Layout, payload: Payload<'a>, local: Coord },
-}
+/// A voxel of an S3Dc payload that lies in memory: its layout, its payload, and where its words are.
+type Direct<'a> = (&'a s3dc::Layout, &'a [u8], s3dc::Point);
 
 impl Volume {
     /// Reads the voxel at `c` (x, y, z): one page and one brick at most, nothing if both were used before.
@@ -38,7 +32,10 @@ impl Volume {
     pub fn get<T: Sample>(&self, at: At, c: Coord) -> Result<T> {
         self.check_type::<T>()?;
         let tree = self.tree(at)?;
-        self.place(at, tree, c).and_then(|place| self.decode_at(place))
+        match self.direct(at.lod, tree, c) {
+            Some((layout, payload, point)) => Ok(s3dc_voxel(layout, payload, point)),
+            None => self.fetch_voxel(at, tree, c),
+        }
     }
 
     /// Reads many voxels in the order given, asking memory for the next ones while it decodes the first.
@@ -51,17 +48,19 @@ impl Volume {
         if coords.len() != out.len() {
             return Err(Error::param("out", format!("{} places for {} voxels", out.len(), coords.len())));
         }
-        let mut places: [Option<Place<'_>>; AHEAD] = [const { None }; AHEAD];
+        let mut ahead: [Option<Direct<'_>>; AHEAD] = [None; AHEAD];
         for (coords, out) in coords.chunks(AHEAD).zip(out.chunks_mut(AHEAD)) {
-            for (slot, &c) in places.iter_mut().zip(coords) {
-                let place = self.place(at, tree, c)?;
-                if let Place::S3dc { layout, payload, local } = &place {
-                    layout.touch(payload, *local);
+            for (slot, &c) in ahead.iter_mut().zip(coords) {
+                *slot = self.direct(at.lod, tree, c);
+                if let Some((_, payload, point)) = *slot {
+                    s3dc::Layout::prefetch(payload, point);
                 }
-                *slot = Some(place);
             }
-            for (value, slot) in out.iter_mut().zip(&mut places) {
-                *value = self.decode_at(slot.take().expect("placed above"))?;
+            for ((value, slot), &c) in out.iter_mut().zip(&ahead).zip(coords) {
+                *value = match *slot {
+                    Some((layout, payload, point)) => s3dc_voxel(layout, payload, point),
+                    None => self.fetch_voxel(at, tree, c)?,
+                };
             }
         }
         Ok(())
@@ -75,43 +74,42 @@ impl Volume {
         Err(Error::param("T", format!("voxels of {} wanted from a volume of {volume}", T::TYPE)))
     }
 
-    /// Finds the bytes of a voxel, reading page and brick where they have not been.
+    /// The place of a voxel whose brick has been used before and lies in memory as it is; else `None`.
     #[inline]
-    fn place(&self, at: At, tree: u32, c: Coord) -> Result<Place<'_>> {
-        let level = &self.head.octree.levels[usize::from(at.lod)];
+    fn direct(&self, lod: u8, tree: u32, c: Coord) -> Option<Direct<'_>> {
+        let level = &self.head.octree.levels[usize::from(lod)];
         if !level.extent.contains(c) {
-            return Err(outside(c, level.extent));
+            return None;
         }
+        let log2 = self.head.descriptor.brick_log2;
+        let (ordinal, slot) = self.head.octree.locate(tree, lod, c.map(|v| v >> log2));
+        let (offset, layout) = self.pages.loaded(&self.head, ordinal)?.known(slot).as_direct()?;
+        let layout = self.codecs.layout(layout).s3dc.as_ref()?;
+        let payload = &self.source.as_slice()?[offset..][..layout.payload_len()];
+        Some((layout, payload, layout.point(c.map(|v| v & ((1 << log2) - 1)))))
+    }
+
+    /// A voxel the long way: page and brick are read where they have not been.
+    #[cold]
+    #[inline(never)]
+    fn fetch_voxel<T: Sample>(&self, at: At, tree: u32, c: Coord) -> Result<T> {
+        let level = &self.head.octree.levels[usize::from(at.lod)];
+        Region::at(c, Extent::cube(1)).check(level.extent)?;
         let log2 = self.head.descriptor.brick_log2;
         let brick = c.map(|v| v >> log2);
         let found = self.find(tree, at.lod, brick)?;
         let node = found.node();
-        match node.kind {
+        let value = match node.kind {
             NodeKind::Stored => {
-                let entry = self.codecs.get(node.codec)?;
-                let layout = entry.layout(at.lod, brick, level.bricks);
+                let (entry, layout) = self.codec_of(node, at.lod, brick)?;
                 let payload = self.payload(&found, layout)?;
                 let local = c.map(|v| v & ((1 << log2) - 1));
-                Ok(match &layout.s3dc {
-                    Some(layout) => Place::S3dc { layout, payload, local },
-                    None => Place::Other { entry, layout, payload, local },
-                })
+                entry.codec.voxel(&payload, T::TYPE, self.codecs.layout(layout).extent, local)?
             }
-            NodeKind::Constant => node.constant(self.head.descriptor.sample_type).map(Place::Value),
-            NodeKind::Empty => Ok(Place::Value(self.head.descriptor.null_sample())),
-        }
-    }
-
-    #[inline]
-    fn decode_at<T: Sample>(&self, place: Place<'_>) -> Result<T> {
-        match place {
-            Place::S3dc { layout, payload, local } => Ok(s3dc_voxel(layout, &payload, local)),
-            Place::Value(value) => Ok(typed(value)),
-            Place::Other { entry, layout, payload, local } => {
-                let Codec::Raw = entry.codec else { unreachable!("every other codec has its own place") };
-                entry.codec.voxel(&payload, T::TYPE, layout.extent, local).map(typed)
-            }
-        }
+            NodeKind::Constant => node.constant(T::TYPE)?,
+            NodeKind::Empty => self.head.descriptor.null_sample(),
+        };
+        Ok(typed(value))
     }
 }
 
@@ -135,17 +133,12 @@ fn same<A: Sample, B: Sample>(v: A) -> B {
 
 /// The type is known when this is compiled: no match remains.
 #[inline]
-fn s3dc_voxel<T: Sample>(layout: &s3dc::Layout, payload: &[u8], c: Coord) -> T {
+fn s3dc_voxel<T: Sample>(layout: &s3dc::Layout, payload: &[u8], point: s3dc::Point) -> T {
     match T::TYPE {
-        SampleType::U8 => same(layout.voxel::<u8>(payload, c)),
-        SampleType::U16 => same(layout.voxel::<u16>(payload, c)),
-        SampleType::I16 => same(layout.voxel::<i16>(payload, c)),
-        SampleType::F32 => same(layout.voxel::<f32>(payload, c)),
+        SampleType::U8 => same(layout.read::<u8>(payload, point)),
+        SampleType::U16 => same(layout.read::<u16>(payload, point)),
+        SampleType::I16 => same(layout.read::<i16>(payload, point)),
+        SampleType::F32 => same(layout.read::<f32>(payload, point)),
         SampleType::Rgb8 => unreachable!("s3dc holds scalars only"),
     }
-}
-
-#[cold]
-fn outside(c: Coord, extent: Extent) -> Error {
-    Region::at(c, Extent::cube(1)).check(extent).expect_err("called for voxels outside")
 }

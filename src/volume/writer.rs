@@ -4,7 +4,9 @@ use super::At;
 use super::brick_encoder::{BrickEncoder, BrickStats, EncodedBrick, non_finite_error};
 use super::options::EncodeOptions;
 use crate::codec::Codec;
-use crate::container::{Achieved, CodecEntry, FileWriter, FinishOptions, NodeKind, Octree, VolumeDescriptor};
+use crate::container::{
+    Achieved, CodecEntry, FileWriter, FinishOptions, NodeKind, Octree, VolumeDescriptor, check_meta,
+};
 use crate::error::{Code, Error, Result};
 use crate::geometry::{Coord, Extent};
 use crate::grid::View;
@@ -100,6 +102,10 @@ impl<W: Write + Seek> VolumeWriter<W> {
         shape.extent.check()?;
         codec.supports(shape.sample_type)?;
         options.placement.check()?;
+        if let Some(meta) = &options.meta {
+            // Now, not after hours of encoding.
+            check_meta(meta.as_bytes(), 0).map_err(|e| Error::new(e.code(), "meta", e.message()))?;
+        }
         let null = null_sample(shape.sample_type, options.null_value)?;
         let (id, stream_version, params) = codec.to_wire();
         let descriptor = VolumeDescriptor {
@@ -182,9 +188,7 @@ impl<W: Write + Seek> VolumeWriter<W> {
             }] += 1;
         }
         match node.kind {
-            NodeKind::Stored => {
-                self.file.put_stored(tree, at.lod, brick, &node, &payload)
-            }
+            NodeKind::Stored => self.file.put_stored(tree, at.lod, brick, &node, &payload),
             NodeKind::Constant => self.file.put_constant(tree, at.lod, brick, &node),
             NodeKind::Empty => Ok(()),
         }
@@ -212,7 +216,9 @@ impl<W: Write + Seek> VolumeWriter<W> {
         let original = voxels * d.sample_type.bytes() as f64;
         let (ratio_formula, s3dc) = match self.encoder.codec {
             Codec::Raw => (1.0, None),
-            Codec::S3dc(params) => (crate::codec::s3dc::formula_ratio(d.dims, 8 * d.sample_type.bytes() as u32, &params), Some(params)),
+            Codec::S3dc(params) => {
+                (crate::codec::s3dc::formula_ratio(d.dims, 8 * d.sample_type.bytes() as u32, &params), Some(params))
+            }
         };
         let report = EncodeReport {
             codec: self.encoder.codec.name(),

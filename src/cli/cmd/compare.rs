@@ -24,7 +24,11 @@ pub(super) fn run(args: &Compare) -> Result<Verdict> {
         println!("mean error  {:.6}", c.mean_error);
         println!("RMSE        {:.6}", c.rmse);
         println!("PSNR        {}", psnr_text(c.psnr, c.identical));
-        println!("SSIM        {:.6}{}", c.ssim, if c.ssim_global { " (slices smaller than 11: one window each)" } else { "" });
+        println!(
+            "SSIM        {:.6}{}",
+            c.ssim,
+            if c.ssim_global { " (slices smaller than 11: one window each)" } else { "" }
+        );
     }
     for failure in &failed {
         eprintln!("over the bound: {failure}");

@@ -3,18 +3,18 @@
 use crate::affine::Placement;
 use crate::cli::args::Decode;
 use crate::cli::output::{Verdict, error_json, progress};
-use crate::convert::{self, ExportInfo};
-use crate::error::Result;
+use crate::convert::{ExportInfo, Target};
+use crate::error::{Error, Result};
 use crate::geometry::{Coord, Region};
 use crate::grid::Grid;
 use crate::limits::Limits;
 use crate::source::{AtomicFile, FileSource};
 use crate::volume::{At, LostBrick, Volume};
 use serde_json::{Value, json};
-use std::io::Write;
+use std::io::BufWriter;
 
 pub(super) fn run(args: &Decode) -> Result<Verdict> {
-    convert::Format::of_target(&args.target)?; // before anything is decoded
+    let target = Target::of_path(&args.target)?; // before anything is decoded
     let source = FileSource::open(&args.source)?;
     let volume = if args.salvage {
         Volume::open_salvage(source, Limits::default())?
@@ -43,11 +43,14 @@ pub(super) fn run(args: &Decode) -> Result<Verdict> {
         value_map: volume.info().value_map,
         header: meta.as_ref().and_then(|m| m.get("source")),
     };
-    for (path, bytes) in convert::export(&args.target, &grid, &info)? {
-        let mut file = AtomicFile::create(&path, args.force)?;
-        file.write_all(&bytes).map_err(|e| crate::Error::io(path.display(), e))?;
-        file.commit()?;
+    // All parts are written before the first appears; the header of a pair appears last.
+    let mut files = Vec::new();
+    for (index, path) in target.files().iter().enumerate() {
+        let mut file = BufWriter::new(AtomicFile::create(path, args.force)?);
+        target.write(index, &mut file, &grid, &info)?;
+        files.push(file.into_inner().map_err(|e| Error::io(path.display(), e.into_error()))?);
     }
+    files.into_iter().try_for_each(AtomicFile::commit)?;
     report(args, &volume, &grid, &lost);
     Ok(if lost.is_empty() { Verdict::Ok } else { Verdict::Bad })
 }

@@ -12,7 +12,7 @@ use crate::volume::{self, CodecChoice, EncodeOptions, EncodeReport, NonFinite, Q
 use serde_json::{Value, json};
 
 pub(super) fn run(args: &Encode) -> Result<Verdict> {
-    let mut source = convert::import(&args.source, &import_options(&args.import))?;
+    let mut source = convert::import(&args.source, &import_options(&args.source, &args.import)?)?;
     let mut options = options(args);
     options.placement = source.placement.clone();
     options.value_map = source.value_map;
@@ -44,10 +44,8 @@ pub(super) fn run(args: &Encode) -> Result<Verdict> {
 
 fn options(args: &Encode) -> EncodeOptions {
     let bound = args.max_error.map(Quality::MaxError).or(args.psnr.map(Quality::Psnr)).or(args.rate.map(Quality::Rate));
-    let explicit = Quality::Explicit {
-        index_bits: args.index_bits.unwrap_or(4),
-        block: args.block.unwrap_or(Extent::cube(4)),
-    };
+    let explicit =
+        Quality::Explicit { index_bits: args.index_bits.unwrap_or(4), block: args.block.unwrap_or(Extent::cube(4)) };
     EncodeOptions {
         codec: match args.codec {
             Some(CodecArg::S3dc) => CodecChoice::S3dc,

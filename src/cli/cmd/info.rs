@@ -45,7 +45,8 @@ fn describe(volume: &Volume, bricks: &BrickCounts) -> Result<Value> {
             }
             Err(e) => {
                 names.push(format!("unknown {}", entry.id));
-                parameters.push(json!({ "codec": entry.id, "stream_version": entry.stream_version, "error": e.to_string() }));
+                parameters
+                    .push(json!({ "codec": entry.id, "stream_version": entry.stream_version, "error": e.to_string() }));
             }
         }
     }
@@ -92,7 +93,9 @@ fn text(j: &Value) -> String {
     let list = |v: &Value| v.as_array().map_or_else(|| "unknown".into(), |a| join(a, " × "));
     let num = |v: &Value| v.as_f64().map_or_else(|| "-".to_owned(), |x| format!("{x:.3}"));
     let codec = j["codecs"].as_array().into_iter().flatten().map(|c| match c["index_bits"].as_u64() {
-        Some(bits) => format!("s3dc, {bits} bits, blocks of {}, {}", list(&c["block"]), c["endpoints"].as_str().unwrap_or("")),
+        Some(bits) => {
+            format!("s3dc, {bits} bits, blocks of {}, {}", list(&c["block"]), c["endpoints"].as_str().unwrap_or(""))
+        }
         None => c["codec"].to_string().replace('"', ""),
     });
     let codec: Vec<String> = codec.collect();

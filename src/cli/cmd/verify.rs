@@ -18,7 +18,10 @@ pub(super) fn run(args: &Verify) -> Result<Verdict> {
     bar.finish_and_clear();
     if args.common.json {
         let errors: Vec<Value> = report.errors.iter().map(error_json).collect();
-        println!("{:#}", json!({ "ok": report.is_ok(), "errors": errors, "bricks": report.bricks, "bytes": report.bytes }));
+        println!(
+            "{:#}",
+            json!({ "ok": report.is_ok(), "errors": errors, "bricks": report.bricks, "bytes": report.bytes })
+        );
     } else if report.is_ok() {
         if !args.common.quiet {
             println!("{}: valid, {} bytes, {} stored bricks", args.file.display(), report.bytes, report.bricks);

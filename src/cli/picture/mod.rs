@@ -55,7 +55,8 @@ impl Picture {
     }
 
     /// Pixel in column x of row y.
-    pub(crate) fn at(&self, x: u32, y: u32) -> Rgb {
+    #[cfg(test)]
+    fn at(&self, x: u32, y: u32) -> Rgb {
         self.pixels[self.index(x, y)]
     }
 

@@ -85,65 +85,99 @@ pub trait Kernel {
     /// `false` where a pair needs the plain decoder.
     fn prepare(&mut self, layout: &Layout, payload: &[u8], x0: u32, voxels: usize, block_yz: [u32; 2]) -> bool;
 
-    /// Decodes `out.len() / BYTES` voxels from the words that hold them, at most [`CHUNK`].
-    fn row(&self, words: &[u8], out: &mut [u8], stores: Stores);
+    /// Decodes rows of the blocks that were prepared last.
+    fn rows(&self, rows: Rows<'_>);
+}
+
+/// Rows (y, z) of one row of blocks: the same part of each, at most [`CHUNK`] voxels.
+pub struct Rows<'a> {
+    /// Words, from those of the first row.
+    pub words: &'a [u8],
+    /// Bytes of words of one row, and from one row and slice to the next.
+    pub words_len: usize,
+    /// See `words_len`.
+    pub words_pitch: [usize; 2],
+    /// Samples, from those of the first row.
+    pub out: &'a mut [u8],
+    /// Bytes of samples of one row, and from one row and slice to the next.
+    pub out_len: usize,
+    /// See `out_len`.
+    pub out_pitch: [usize; 2],
+    /// Rows along y and z.
+    pub count: [usize; 2],
+    /// How to write them.
+    pub stores: Stores,
+}
+
+impl Rows<'_> {
+    /// Calls `row(words, out)` for every row.
+    #[inline(always)]
+    pub fn for_each(self, mut row: impl FnMut(&[u8], &mut [u8])) {
+        for z in 0..self.count[1] {
+            for y in 0..self.count[0] {
+                let words = &self.words[y * self.words_pitch[0] + z * self.words_pitch[1]..][..self.words_len];
+                let out = &mut self.out[y * self.out_pitch[0] + z * self.out_pitch[1]..][..self.out_len];
+                row(words, out);
+            }
+        }
+    }
 }
 
 /// Walks over the rows of blocks of a job. Inlined into a function that has the instruction set of the kernel.
 #[inline(always)]
 pub fn drive<K: Kernel>(kernel: &mut K, job: Job<'_>) {
     let Job { layout, payload, region, dst, stores } = job;
-    let block = layout.params().block();
+    let edge = layout.params().block();
+    let row_bytes = layout.row_words() * 2;
+    let words_pitch = [row_bytes, row_bytes * layout.brick().y as usize];
+    let out_pitch = [dst.row_pitch, dst.slice_pitch];
     let [rx0, ry0, rz0] = region.start;
     let [rx1, ry1, rz1] = region.end;
-    let mut x0 = rx0 & !63;
-    while x0 < rx1 {
+    for x0 in (rx0 & !63..rx1).step_by(CHUNK) {
         let x1 = rx1.min(x0.saturating_add(CHUNK as u32));
         let wanted = rx0.max(x0);
         let skip = (wanted - x0) as usize * K::BYTES;
-        let len = (x1 - x0) as usize * K::BYTES;
+        let out_len = (x1 - x0) as usize * K::BYTES;
         let words_at = 2 * (x0 / layout.indices_per_word()) as usize;
         let words_len = 2 * (x1 - x0).div_ceil(layout.indices_per_word()) as usize;
-        let mut z = rz0;
-        while z < rz1 {
-            let bz = z / block.z;
-            let z_end = rz1.min((bz + 1) * block.z);
-            let mut y = ry0;
-            while y < ry1 {
-                let by = y / block.y;
-                let y_end = ry1.min((by + 1) * block.y);
+        for bz in rz0 / edge.z..rz1.div_ceil(edge.z) {
+            let z = rz0.max(bz * edge.z)..rz1.min((bz + 1) * edge.z);
+            for by in ry0 / edge.y..ry1.div_ceil(edge.y) {
+                let y = ry0.max(by * edge.y)..ry1.min((by + 1) * edge.y);
                 let fast = kernel.prepare(layout, payload, x0, (x1 - x0) as usize, [by, bz]);
-                for z in z..z_end {
-                    for y in y..y_end {
-                        let words = &payload[layout.row_at(y, z) + words_at..][..words_len];
-                        let at = (y - ry0) as usize * dst.row_pitch
-                            + (z - rz0) as usize * dst.slice_pitch
-                            + (wanted - rx0) as usize * K::BYTES;
-                        let out = &mut dst.bytes[at..at + len - skip];
-                        if !fast {
-                            plain_row(layout, payload, [wanted, y, z], out);
-                        } else if skip == 0 {
-                            kernel.row(words, out, stores);
-                        } else {
-                            let mut buffer = [0; CHUNK * 4];
-                            kernel.row(words, &mut buffer[..len], Stores::Cached);
-                            out.copy_from_slice(&buffer[skip..len]);
-                        }
-                    }
+                let words = &payload[layout.row_at(y.start, z.start) + words_at..];
+                let at = (y.start - ry0) as usize * out_pitch[0] + (z.start - rz0) as usize * out_pitch[1];
+                let out = &mut dst.bytes[at + (wanted - rx0) as usize * K::BYTES..];
+                let count = [y.len(), z.len()];
+                let rows = Rows { words, words_len, words_pitch, out, out_len: out_len - skip, out_pitch, count, stores };
+                if !fast {
+                    plain_rows(layout, payload, [wanted, y.start, z.start], rows);
+                } else if skip == 0 {
+                    kernel.rows(rows);
+                } else {
+                    rows.for_each(|words, out| {
+                        let buffer = &mut [0; CHUNK * 4];
+                        let (out_pitch, count, stores) = ([0; 2], [1; 2], Stores::Cached);
+                        kernel.rows(Rows { words, words_len, words_pitch, out: buffer, out_len, out_pitch, count, stores });
+                        out.copy_from_slice(&buffer[skip..out_len]);
+                    });
                 }
-                y = y_end;
             }
-            z = z_end;
         }
-        x0 = x1;
     }
 }
 
-/// A row of floats with end points that only the plain decoder treats right.
+/// Rows of floats with end points that only the plain decoder treats right.
 #[cold]
 #[inline(never)]
-fn plain_row(layout: &Layout, payload: &[u8], [x, y, z]: [u32; 3], out: &mut [u8]) {
-    for (x, sample) in (x..).zip(out.chunks_exact_mut(4)) {
-        sample.copy_from_slice(&layout.voxel::<f32>(payload, [x, y, z]).to_ne_bytes());
-    }
+fn plain_rows(layout: &Layout, payload: &[u8], [x, y, z]: [u32; 3], rows: Rows<'_>) {
+    let per_slice = rows.count[0] as u32;
+    let mut k = 0;
+    rows.for_each(|_, out| {
+        for (x, sample) in (x..).zip(out.chunks_exact_mut(4)) {
+            let value: f32 = layout.voxel(payload, [x, y + k % per_slice, z + k / per_slice]);
+            sample.copy_from_slice(&value.to_ne_bytes());
+        }
+        k += 1;
+    });
 }

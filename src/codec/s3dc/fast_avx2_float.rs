@@ -4,7 +4,7 @@
 //! from these palettes with lane permutes. At 8 bits the formula itself is evaluated, in f64 and in the same order.
 #![allow(unsafe_code, reason = "loads and stores of vectors, and calls of functions that need AVX2")]
 
-use super::fast::{CHUNK, Kernel, STEP};
+use super::fast::{CHUNK, Kernel, Rows, STEP};
 use super::fast_avx2::{Avx2, load, part, store};
 use super::fast_tables::{BlockRow, Table};
 use super::{Layout, Scalar};
@@ -47,7 +47,7 @@ pub struct FloatPalette<const I: usize> {
     token: Avx2,
     palettes: Box<[Palette; CHUNK]>,
     /// Number of the palette of every voxel.
-    of: Table<u16>,
+    of: Table<u8>,
     /// Block edge along x.
     edge: usize,
 }
@@ -66,28 +66,31 @@ impl<const I: usize> Kernel for FloatPalette<I> {
     fn prepare(&mut self, layout: &Layout, payload: &[u8], x0: u32, voxels: usize, block_yz: [u32; 2]) -> bool {
         let blocks = BlockRow::new(layout, payload, x0, voxels, block_yz);
         self.edge = blocks.edge;
-        let numbers = Table(std::array::from_fn(|b| b as u16));
+        let numbers = Table(std::array::from_fn(|b| b as u8));
         blocks.spread(&numbers, 1, &mut self.of);
         palettes::<I>(&blocks, &mut self.palettes)
     }
 
     #[inline(always)]
-    fn row(&self, words: &[u8], out: &mut [u8], stores: Stores) {
+    fn rows(&self, rows: Rows<'_>) {
         let _ = self.token;
         // SAFETY: the token proves that the machine has AVX2.
-        unsafe {
-            match stores {
-                Stores::Cached => self.row_avx2::<false>(words, out),
-                Stores::Streaming => self.row_avx2::<true>(words, out),
-            }
-        }
+        unsafe { self.rows_avx2(rows) }
     }
 }
 
 impl<const I: usize> FloatPalette<I> {
+    #[target_feature(enable = "avx2")]
+    fn rows_avx2(&self, rows: Rows<'_>) {
+        match rows.stores {
+            Stores::Cached => rows.for_each(|words, out| self.row::<false>(words, out)),
+            Stores::Streaming => rows.for_each(|words, out| self.row::<true>(words, out)),
+        }
+    }
+
     #[inline]
     #[target_feature(enable = "avx2")]
-    fn row_avx2<const STREAM: bool>(&self, words: &[u8], out: &mut [u8]) {
+    fn row<const STREAM: bool>(&self, words: &[u8], out: &mut [u8]) {
         let (whole, rest) = out.as_chunks_mut::<{ 4 * STEP }>();
         for (k, out) in whole.iter_mut().enumerate() {
             self.step::<STREAM>(&words[k * 4 * I..][..4 * I], k, out);
@@ -109,7 +112,7 @@ impl<const I: usize> FloatPalette<I> {
         if self.edge % 4 != 0 {
             return self.step_any(words, k, out);
         }
-        let of: &[u16; STEP] = part(&self.of.0, k);
+        let of: &[u8; STEP] = part(&self.of.0, k);
         for (j, out) in out.as_chunks_mut::<32>().0.iter_mut().enumerate() {
             let bits = group::<I>(words, j);
             let shifts = _mm256_mullo_epi32(_mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7), _mm256_set1_epi32(I as i32));
@@ -129,7 +132,7 @@ impl<const I: usize> FloatPalette<I> {
     #[inline]
     #[target_feature(enable = "avx2")]
     fn step_any(&self, words: &[u8], k: usize, out: &mut [u8; 4 * STEP]) {
-        let of: &[u16; STEP] = part(&self.of.0, k);
+        let of: &[u8; STEP] = part(&self.of.0, k);
         let palettes: &[f32] = self.palettes.as_flattened();
         for (j, out) in out.as_chunks_mut::<32>().0.iter_mut().enumerate() {
             let bits = group::<I>(words, j).cast_unsigned();
@@ -200,11 +203,13 @@ impl Kernel for FloatBytes {
 
     /// Plain code: the compiler makes vectors of it, and never fuses multiplications with additions.
     #[inline(always)]
-    fn row(&self, words: &[u8], out: &mut [u8], _: Stores) {
-        let ends = self.min.0.iter().zip(&self.max.0);
-        for ((out, idx), (lo, hi)) in out.as_chunks_mut::<4>().0.iter_mut().zip(words).zip(ends) {
-            let a = f64::from(*idx) / 255.0;
-            *out = (((1.0 - a) * lo + a * hi) as f32).to_ne_bytes();
-        }
+    fn rows(&self, rows: Rows<'_>) {
+        rows.for_each(|words, out| {
+            let ends = self.min.0.iter().zip(&self.max.0);
+            for ((out, idx), (lo, hi)) in out.as_chunks_mut::<4>().0.iter_mut().zip(words).zip(ends) {
+                let a = f64::from(*idx) / 255.0;
+                *out = (((1.0 - a) * lo + a * hi) as f32).to_ne_bytes();
+            }
+        });
     }
 }

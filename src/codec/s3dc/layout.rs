@@ -16,15 +16,15 @@ pub const IV_ALIGN: usize = 256;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Layout {
     params: Params,
-    sample_type: SampleType,
-    brick: Extent,
-    blocks: Extent,
+    pub(super) sample_type: SampleType,
+    pub(super) brick: Extent,
+    pub(super) blocks: Extent,
     /// `ceil(2^32 / block edge)`: dividing a coordinate by the edge is one multiplication, exact below 2^25.
     magic: [u64; 3],
-    iv_start: usize,
-    row_words: usize,
+    pub(super) iv_start: usize,
+    pub(super) row_words: usize,
     /// log2 of the indices in a word.
-    n_log2: u32,
+    pub(super) n_log2: u32,
 }
 
 impl Layout {
@@ -164,15 +164,6 @@ impl Layout {
     #[must_use]
     pub fn value(&self, payload: &[u8], c: Coord) -> SampleValue {
         with_scalar!(self.sample_type, T => self.voxel::<T>(payload, c).value(), else SampleValue::Rgb8([0; 3]))
-    }
-
-    /// Reads what [`Layout::voxel`] will need, so that the memory system starts fetching it. Does nothing where `c` lies
-    /// outside the payload.
-    #[inline]
-    pub fn touch(&self, payload: &[u8], c: Coord) {
-        let pair = self.mmv_at(self.block_of(c));
-        let word = self.row_at(c[1], c[2]) + 2 * (c[0] >> self.n_log2) as usize;
-        std::hint::black_box((payload.get(pair), payload.get(word)));
     }
 
     /// Calls `visit` with every block whose end points overlap the closed interval `[lo, hi]`, and with the end points;

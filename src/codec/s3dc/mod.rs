@@ -26,12 +26,14 @@ mod fast_avx2_float;
 mod fast_tables;
 mod layout;
 mod params;
+mod point;
 mod ratio;
 mod scalar;
 
 pub use fast::Isa;
 pub use layout::Layout;
 pub use params::{Endpoints, IndexCurve, Params};
+pub use point::Point;
 pub use ratio::{closed_form_ratio, eq6_max_error, formula_ratio, integer_error_bound, padded_ratio};
 pub use scalar::Scalar;
 

@@ -1,5 +1,6 @@
 //! The header in one form for both versions: 348 bytes with i16 and f32, or 540 bytes with i64 and f64.
 
+use super::{nifti1, nifti2};
 use crate::convert::fault;
 use crate::error::Result;
 use std::io::{self, Write};
@@ -59,7 +60,7 @@ impl Header {
 }
 
 /// Text up to its first zero byte.
-fn text(bytes: &[u8]) -> String {
+pub(super) fn text(bytes: &[u8]) -> String {
     let end = bytes.iter().position(|b| *b == 0).unwrap_or(bytes.len());
     String::from_utf8_lossy(&bytes[..end]).trim_end().to_owned()
 }
@@ -86,151 +87,11 @@ pub(super) fn parse(path: &Path, head: &[u8]) -> Result<Header> {
         let message = format!("{} bytes are too short for a header of {needed}", head.len());
         return Err(fault::foreign(path, "header", message));
     };
-    if version == 1 { parse_1(path, head, big_endian) } else { parse_2(path, head, big_endian) }
-}
-
-fn parse_1(path: &Path, head: &[u8], big_endian: bool) -> Result<Header> {
-    let single = match &head[344..348] {
-        b"n+1\0" => true,
-        b"ni1\0" => false,
-        [0, 0, 0, 0] => {
-            let message =
-                "no NIfTI magic: an Analyze 7.5 header does not say which way the axes point; convert to NIfTI";
-            return Err(fault::unsupported(path, "magic", message));
-        }
-        other => {
-            let message = format!("\"{}\" is neither n+1 nor ni1", other.escape_ascii());
-            return Err(fault::foreign(path, "magic", message));
-        }
-    };
-    let h = nifti::NiftiHeader::from_reader(head).map_err(|e| fault::foreign(path, "header", e))?;
-    // The crate takes the byte order from dim[0]; where that is out of its range, the two disagree.
-    if (h.endianness == nifti::Endianness::Big) != big_endian {
-        return Err(fault::foreign(path, "dim[0]", "is not from 1 to 7 in the header's own byte order"));
-    }
-    let wide = f64::from;
-    Ok(Header {
-        version: 1,
-        big_endian,
-        single,
-        // The crate reads the axes as u16; the standard has i16.
-        dim: h.dim.map(|d| i64::from(d.cast_signed())),
-        datatype: h.datatype,
-        bitpix: h.bitpix,
-        pixdim: h.pixdim.map(wide),
-        vox_offset: wide(h.vox_offset),
-        scl_slope: wide(h.scl_slope),
-        scl_inter: wide(h.scl_inter),
-        cal_max: wide(h.cal_max),
-        cal_min: wide(h.cal_min),
-        slice_duration: wide(h.slice_duration),
-        toffset: wide(h.toffset),
-        slice_start: h.slice_start.into(),
-        slice_end: h.slice_end.into(),
-        slice_code: h.slice_code.into(),
-        dim_info: h.dim_info,
-        xyzt_units: h.xyzt_units.into(),
-        intent_code: h.intent_code.into(),
-        intent_p: [h.intent_p1, h.intent_p2, h.intent_p3].map(wide),
-        intent_name: text(&h.intent_name),
-        descrip: text(&h.descrip),
-        aux_file: text(&h.aux_file),
-        db_name: text(&h.db_name),
-        data_type: text(&h.data_type),
-        qform_code: h.qform_code.into(),
-        sform_code: h.sform_code.into(),
-        quatern: [h.quatern_b, h.quatern_c, h.quatern_d].map(wide),
-        qoffset: [h.quatern_x, h.quatern_y, h.quatern_z].map(wide),
-        srow: [h.srow_x, h.srow_y, h.srow_z].map(|r| r.map(wide)),
-    })
-}
-
-/// Fields of a NIfTI-2 header at their offsets.
-struct Fields<'a> {
-    head: &'a [u8; BYTES_2],
-    big_endian: bool,
-}
-
-impl Fields<'_> {
-    fn raw<const N: usize>(&self, at: usize) -> [u8; N] {
-        let mut raw = [0; N];
-        raw.copy_from_slice(&self.head[at..at + N]);
-        if self.big_endian {
-            raw.reverse();
-        }
-        raw
-    }
-
-    fn i16(&self, at: usize) -> i16 {
-        i16::from_le_bytes(self.raw(at))
-    }
-
-    fn i32(&self, at: usize) -> i32 {
-        i32::from_le_bytes(self.raw(at))
-    }
-
-    fn i64(&self, at: usize) -> i64 {
-        i64::from_le_bytes(self.raw(at))
-    }
-
-    fn f64(&self, at: usize) -> f64 {
-        f64::from_le_bytes(self.raw(at))
-    }
-
-    fn f64s<const N: usize>(&self, at: usize) -> [f64; N] {
-        std::array::from_fn(|i| self.f64(at + 8 * i))
-    }
-}
-
-fn parse_2(path: &Path, head: &[u8], big_endian: bool) -> Result<Header> {
-    let short = |_| fault::foreign(path, "header", "too short");
-    let head: &[u8; BYTES_2] = head.try_into().map_err(short)?;
-    let single = match &head[4..12] {
-        b"n+2\0\r\n\x1a\n" => true,
-        b"ni2\0\r\n\x1a\n" => false,
-        other => {
-            let message = format!("\"{}\" is neither n+2 nor ni2 with its line ends intact", other.escape_ascii());
-            return Err(fault::foreign(path, "magic", message));
-        }
-    };
-    let f = Fields { head, big_endian };
-    Ok(Header {
-        version: 2,
-        big_endian,
-        single,
-        datatype: f.i16(12),
-        bitpix: f.i16(14),
-        dim: std::array::from_fn(|i| f.i64(16 + 8 * i)),
-        intent_p: f.f64s(80),
-        pixdim: f.f64s(104),
-        vox_offset: f.i64(168) as f64,
-        scl_slope: f.f64(176),
-        scl_inter: f.f64(184),
-        cal_max: f.f64(192),
-        cal_min: f.f64(200),
-        slice_duration: f.f64(208),
-        toffset: f.f64(216),
-        slice_start: f.i64(224),
-        slice_end: f.i64(232),
-        descrip: text(&head[240..320]),
-        aux_file: text(&head[320..344]),
-        qform_code: f.i32(344),
-        sform_code: f.i32(348),
-        quatern: f.f64s(352),
-        qoffset: f.f64s(376),
-        srow: [f.f64s(400), f.f64s(432), f.f64s(464)],
-        slice_code: f.i32(496),
-        xyzt_units: f.i32(500),
-        intent_code: f.i32(504),
-        intent_name: text(&head[508..524]),
-        dim_info: head[524],
-        db_name: String::new(),
-        data_type: String::new(),
-    })
+    if version == 1 { nifti1::parse(path, head, big_endian) } else { nifti2::parse(path, head, big_endian) }
 }
 
 /// Writes text into a field of `N` bytes, cut at a character, zeros behind it.
-fn put_text<const N: usize>(out: &mut Vec<u8>, text: &str) {
+pub(super) fn put_text<const N: usize>(out: &mut Vec<u8>, text: &str) {
     // One zero at the end at least: most readers expect it.
     let mut end = text.len().min(N - 1);
     while !text.is_char_boundary(end) {
@@ -243,76 +104,9 @@ fn put_text<const N: usize>(out: &mut Vec<u8>, text: &str) {
 
 /// Writes the header, little endian, without the four extension bytes behind it.
 pub(super) fn write(out: &mut dyn Write, h: &Header) -> io::Result<()> {
-    let bytes = if h.version == 1 { bytes_1(h) } else { bytes_2(h) };
+    let bytes = if h.version == 1 { nifti1::bytes(h) } else { nifti2::bytes(h) };
     debug_assert_eq!(bytes.len(), h.bytes());
     out.write_all(&bytes)
-}
-
-fn bytes_1(h: &Header) -> Vec<u8> {
-    let mut b = Vec::with_capacity(BYTES_1);
-    fn i16s(b: &mut Vec<u8>, values: &[i64]) {
-        values.iter().for_each(|v| b.extend((*v as i16).to_le_bytes()));
-    }
-    fn f32s(b: &mut Vec<u8>, values: &[f64]) {
-        values.iter().for_each(|v| b.extend((*v as f32).to_le_bytes()));
-    }
-    b.extend((BYTES_1 as i32).to_le_bytes());
-    put_text::<10>(&mut b, &h.data_type);
-    put_text::<18>(&mut b, &h.db_name);
-    // extents, session_error; `regular` is 'r' in every file.
-    b.extend([0, 0, 0, 0, 0, 0, b'r', h.dim_info]);
-    i16s(&mut b, &h.dim);
-    f32s(&mut b, &h.intent_p);
-    i16s(&mut b, &[h.intent_code.into(), h.datatype.into(), h.bitpix.into(), h.slice_start]);
-    f32s(&mut b, &h.pixdim);
-    f32s(&mut b, &[h.vox_offset, h.scl_slope, h.scl_inter]);
-    i16s(&mut b, &[h.slice_end]);
-    b.extend([h.slice_code as u8, h.xyzt_units as u8]);
-    f32s(&mut b, &[h.cal_max, h.cal_min, h.slice_duration, h.toffset]);
-    b.extend([0; 8]);
-    put_text::<80>(&mut b, &h.descrip);
-    put_text::<24>(&mut b, &h.aux_file);
-    i16s(&mut b, &[h.qform_code.into(), h.sform_code.into()]);
-    f32s(&mut b, &h.quatern);
-    f32s(&mut b, &h.qoffset);
-    f32s(&mut b, h.srow.as_flattened());
-    put_text::<16>(&mut b, &h.intent_name);
-    b.extend(if h.single { b"n+1\0" } else { b"ni1\0" });
-    b
-}
-
-fn bytes_2(h: &Header) -> Vec<u8> {
-    let mut b = Vec::with_capacity(BYTES_2);
-    fn i64s(b: &mut Vec<u8>, values: &[i64]) {
-        values.iter().for_each(|v| b.extend(v.to_le_bytes()));
-    }
-    fn f64s(b: &mut Vec<u8>, values: &[f64]) {
-        values.iter().for_each(|v| b.extend(v.to_le_bytes()));
-    }
-    b.extend((BYTES_2 as i32).to_le_bytes());
-    b.extend(if h.single { b"n+2\0\r\n\x1a\n" } else { b"ni2\0\r\n\x1a\n" });
-    b.extend(h.datatype.to_le_bytes());
-    b.extend(h.bitpix.to_le_bytes());
-    i64s(&mut b, &h.dim);
-    f64s(&mut b, &h.intent_p);
-    f64s(&mut b, &h.pixdim);
-    i64s(&mut b, &[h.vox_offset as i64]);
-    f64s(&mut b, &[h.scl_slope, h.scl_inter, h.cal_max, h.cal_min, h.slice_duration, h.toffset]);
-    i64s(&mut b, &[h.slice_start, h.slice_end]);
-    put_text::<80>(&mut b, &h.descrip);
-    put_text::<24>(&mut b, &h.aux_file);
-    b.extend(h.qform_code.to_le_bytes());
-    b.extend(h.sform_code.to_le_bytes());
-    f64s(&mut b, &h.quatern);
-    f64s(&mut b, &h.qoffset);
-    f64s(&mut b, h.srow.as_flattened());
-    for v in [h.slice_code, h.xyzt_units, h.intent_code] {
-        b.extend(v.to_le_bytes());
-    }
-    put_text::<16>(&mut b, &h.intent_name);
-    b.push(h.dim_info);
-    b.extend([0; 15]);
-    b
 }
 
 #[cfg(test)]
@@ -379,7 +173,7 @@ mod tests {
     #[test]
     fn big_endian_is_told_by_the_size() {
         let mut header = full(2);
-        let mut bytes = bytes_2(&header);
+        let mut bytes = nifti2::bytes(&header);
         // Reverse every field by its width.
         let widths = [(0, 4, 1), (12, 2, 2), (16, 8, 28), (344, 4, 2), (352, 8, 18), (496, 4, 3)];
         for (at, width, count) in widths {
@@ -399,16 +193,16 @@ mod tests {
 
     #[test]
     fn no_nifti() {
-        let mut analyze = bytes_1(&full(1));
+        let mut analyze = nifti1::bytes(&full(1));
         analyze[344..].fill(0);
         assert_eq!(parse(Path::new("f"), &analyze).unwrap_err().code(), Code::Unsupported);
-        let mut other = bytes_1(&full(1));
+        let mut other = nifti1::bytes(&full(1));
         other[344] = b'x';
         assert_eq!(parse(Path::new("f"), &other).unwrap_err().code(), Code::Foreign);
-        let mut order = bytes_1(&full(1));
+        let mut order = nifti1::bytes(&full(1));
         order[40..42].copy_from_slice(&[0, 9]);
         assert!(parse(Path::new("f"), &order).unwrap_err().field().contains("dim[0]"));
-        let mut newline = bytes_2(&full(2));
+        let mut newline = nifti2::bytes(&full(2));
         newline[8] = b'\n';
         assert_eq!(parse(Path::new("f"), &newline).unwrap_err().field(), "magic");
     }

@@ -6,6 +6,8 @@
 mod geometry;
 mod header;
 mod kept;
+mod nifti1;
+mod nifti2;
 mod write;
 
 pub(super) use write::{Part, write};

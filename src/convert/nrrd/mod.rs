@@ -25,8 +25,9 @@ use std::path::Path;
 const VALUE_SCALE: &str = "vug value scale";
 const VALUE_OFFSET: &str = "vug value offset";
 
-/// Fields that say how the samples are stored. They end with the file; all others are kept.
-const STORAGE: [&str; 11] = [
+/// Fields that say how the samples are stored and where the volume lies. They go into the volume itself; all others are
+/// kept as text.
+const STORAGE: [&str; 13] = [
     "type",
     "dimension",
     "sizes",
@@ -38,6 +39,8 @@ const STORAGE: [&str; 11] = [
     "number",
     "blocksize",
     "spacedimension",
+    "spacedirections",
+    "spaceorigin",
 ];
 
 /// Opens a NRRD file; what lies in a detached data file is looked for beside the header.

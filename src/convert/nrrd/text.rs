@@ -42,8 +42,7 @@ pub(super) fn read(
     })?)?;
     file.seek(SeekFrom::Start(start)).map_err(|e| fault::io(path, e))?;
     let mut tokens = Tokens { reader: BufReader::new(file), token: Vec::new() };
-    let mut filled = 0;
-    for slot in memory.as_mut_slice().chunks_exact_mut(size) {
+    for (filled, slot) in memory.as_mut_slice().chunks_exact_mut(size).enumerate() {
         let token = tokens.next().map_err(|e| fault::io(path, e))?;
         if token.is_empty() {
             let message = format!("the sizes need {numbers} numbers, the text ends after {filled}");
@@ -54,7 +53,6 @@ pub(super) fn read(
             let shown = String::from_utf8_lossy(&token[..token.len().min(40)]).into_owned();
             return Err(fault::foreign(path, "data", format!("number {filled}, {shown:?}, is not a {kind}")));
         }
-        filled += 1;
     }
     if !tokens.next().map_err(|e| fault::io(path, e))?.is_empty() {
         let message = format!("the text goes on after the {numbers} numbers that the sizes need");

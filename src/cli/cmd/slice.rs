@@ -1,0 +1,49 @@
+//! `vug slice`: one plane as a picture.
+
+use crate::cli::args::Slice;
+use crate::cli::load::load_plane;
+use crate::cli::output::{Verdict, write_file};
+use crate::cli::picture::{ColorMap, Picture, difference, legend, scaled, slice, spacing_on_screen, stacked};
+use crate::error::{Error, Result};
+use crate::metrics::value_range;
+use serde_json::json;
+
+/// Pictures smaller than this are enlarged by whole numbers, so that voxels can be seen.
+const SMALL: u32 = 256;
+
+pub(super) fn run(args: &Slice) -> Result<Verdict> {
+    let map: ColorMap = args.colormap.as_deref().map(str::parse).transpose()?.unwrap_or_default();
+    let (loaded, index) = load_plane(&args.file, &args.import, args.level, args.axis, args.index)?;
+    let view = loaded.plane.view();
+    let (picture, window) = match &args.against {
+        None => {
+            let window = args.range.or_else(|| value_range(&view)).unwrap_or((0.0, 1.0));
+            (slice(&view, args.axis, window, &map)?, Some(window))
+        }
+        Some(source) => {
+            let (source, _) = load_plane(source, &args.import, 0, args.axis, Some(index))?;
+            let (lo, hi) = source.volume_range;
+            (difference(&source.plane.view(), &view, args.axis, hi - lo)?, None)
+        }
+    };
+    let pixel = if args.no_aspect { (1.0, 1.0) } else { spacing_on_screen(args.axis, loaded.placement.spacing()) };
+    let (w, h) = picture.size();
+    let mut picture: Picture = scaled(&picture, pixel, (SMALL / w.max(h)).max(1))?;
+    if args.against.is_some() {
+        picture = stacked(&[picture.clone(), legend(picture.size().0)?], 0, [255; 3])?;
+    }
+    let (width, height) = picture.size();
+    if args.output.extension().is_none_or(|e| !e.eq_ignore_ascii_case("png")) {
+        return Err(Error::param("output", format!("{} does not end in .png", args.output.display())));
+    }
+    write_file(&args.output, args.force, &picture.to_png()?)?;
+    let axis = ["x", "y", "z"][args.axis as usize];
+    if args.common.json {
+        let window = window.map(|(lo, hi)| [lo, hi]);
+        println!("{:#}", json!({ "axis": axis, "index": index, "window": window, "width": width, "height": height }));
+    } else if !args.common.quiet {
+        let shown = window.map_or_else(|| "difference classes".into(), |(lo, hi)| format!("window {lo} … {hi}"));
+        println!("{}: {axis} = {index}, {width}×{height} pixels, {shown}", args.output.display());
+    }
+    Ok(Verdict::Ok)
+}
