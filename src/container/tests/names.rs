@@ -68,7 +68,7 @@ fn unknown_required_bits_are_refused_by_name() {
     assert!(e.message().contains("WAVELETS") && e.message().contains("bit 9"), "{e}");
 }
 
-#[test] // spec: SEC-14
+#[test] // spec: SEC-14; C-15
 fn the_form_of_the_section() {
     let file = with_unknown_optional();
     let fnam = Places::of(&file).section(*b"FNAM");
@@ -85,6 +85,13 @@ fn the_form_of_the_section() {
         (25, &[0], Code::Dup, 24),
     ] {
         refused(&changed(&file, fnam + at, value), code, fnam + error_at);
+    }
+    for name in [String::new(), "x".repeat(65)] {
+        let d = descriptor([4, 4, 4], 1);
+        let w = FileWriter::new(std::io::Cursor::new(Vec::new()), &d).unwrap();
+        let options =
+            FinishOptions { optional: 2, feature_names: vec![named(2, 1, &name)], ..FinishOptions::default() };
+        assert_eq!(w.finish(&d, options).map(|_| ()).unwrap_err().code(), Code::Param);
     }
     strictly_refused(&changed(&file, fnam + 4, b"LZMA"), Code::Canon, fnam);
     strictly_refused(&changed(&file, fnam + 25, &[8]), Code::Canon, fnam);

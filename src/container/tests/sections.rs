@@ -185,10 +185,16 @@ fn unknown_sections() {
         damaged[at as usize] ^= 1;
         strictly_refused(&damaged, Code::SectionCrc, at);
     }
+    let mut wrong_crc = extra(*b"abcd", 2);
+    wrong_crc.entry.crc ^= 1;
+    let mut wrong_alignment = extra(*b"abcd", 2);
+    wrong_alignment.entry.align_log2 = 30;
     let w = || FileWriter::new(std::io::Cursor::new(Vec::new()), &descriptor([4, 4, 4], 1)).unwrap();
     for (sections, code) in [
         (vec![extra(*b"abcd", 1)], Code::Param),
         (vec![extra(*b"VOLD", 2)], Code::Param),
+        (vec![wrong_crc], Code::SectionCrc),
+        (vec![wrong_alignment], Code::Param),
         (vec![extra(*b"abcd", 2), extra(*b"abcd", 2)], Code::Dup),
     ] {
         let options = FinishOptions { extra: sections, ..FinishOptions::default() };
