@@ -65,6 +65,7 @@ impl Tables {
         superblock.resource_level = d.resource_level();
         superblock.clustered = order.is_sorted_by_key(|p| (Reverse(p.level), p.tree, p.ordinal, p.slot));
         let masks = [superblock.required, superblock.read_optional, superblock.optional];
+        features::check_names(&options.feature_names)?;
         let names = features::names(masks, &options.feature_names);
 
         let vold = d.write_to();
@@ -182,11 +183,25 @@ fn others(meta: Option<Vec<u8>>, mut extra: Vec<ExtraSection>) -> Result<Vec<Ext
         if own || s.entry.flags.contains(SectionFlags::CRITICAL) {
             return Err(Error::param("section", format!("{name} is written by the container itself, or is CRITICAL")));
         }
+        check_extra(s)?;
         if extra[..i].iter().any(|o| o.entry.fourcc == s.entry.fourcc) {
             return Err(Error::new(Code::Dup, "section", format!("section {name} is given twice")));
         }
     }
     Ok(extra)
+}
+
+/// A section that comes from outside must be one that a reader takes.
+fn check_extra(s: &ExtraSection) -> Result<()> {
+    let name = || show(s.entry.fourcc);
+    let entry = SectionEntry { offset: 0, ..s.entry.clone() };
+    SectionEntry::read_from(&entry.write_to(), 0)
+        .and_then(|_| s.entry.check_crc(&s.bytes))
+        .map_err(|e| Error::new(e.code(), format!("{} of {}", e.field().to_owned(), name()), e.message().to_owned()))?;
+    if s.entry.stored_len != s.bytes.len() as u64 {
+        return Err(Error::new(Code::Size, "section", format!("{}: stored length and bytes differ", name())));
+    }
+    Ok(())
 }
 
 /// The `META` section, compressed where that is smaller (spec: SEC-7).

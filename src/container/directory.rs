@@ -135,7 +135,7 @@ pub(super) fn parse_refs(bytes: &[u8], at: u64, octree: &Octree, file_len: u64) 
                 format!("chunk {} passes the {pages} pages there are", r.ordinal),
             );
         }
-        if r.offset % 16 != 0 {
+        if !r.offset.is_multiple_of(16) {
             return bad(Code::Align, 8, "PDIR.offset", format!("{} is no multiple of 16", r.offset));
         }
         if r.offset.checked_add(r.byte_len() as u64).is_none_or(|end| end > file_len) {
@@ -181,7 +181,7 @@ pub fn parse_chunk(bytes: &[u8], chunk: &ChunkRef, head: &Head) -> Result<Vec<Pa
             if usize::from(p.count) > PAGE_NODES {
                 return bad(Code::Param, 12, "page_entry.count", format!("{} nodes; a page has 1 to 512", p.count));
             }
-            if p.offset % 16 != 0 {
+            if !p.offset.is_multiple_of(16) {
                 return bad(Code::Align, 0, "page_entry.offset", format!("{} is no multiple of 16", p.offset));
             }
             let end = p.offset.checked_add(p.byte_len() as u64);

@@ -45,6 +45,17 @@ pub(super) fn names(masks: [u64; 3], given: &[FeatureName]) -> Vec<FeatureName> 
     names
 }
 
+/// Checks the lengths of names that are to be written.
+///
+/// # Errors
+/// `E_PARAM`.
+pub(super) fn check_names(names: &[FeatureName]) -> Result<()> {
+    match names.iter().find(|n| n.name.is_empty() || n.name.len() > MAX_NAME) {
+        None => Ok(()),
+        Some(n) => Err(Error::param("feature_names", format!("{:?} is not 1 to {MAX_NAME} bytes long", n.name))),
+    }
+}
+
 /// Bytes of the section (spec: SEC-14).
 pub(super) fn write_to(names: &[FeatureName]) -> Vec<u8> {
     let mut bytes = Vec::new();

@@ -63,5 +63,5 @@ pub(super) fn payload_start(cursor: u64, align_log2: u8) -> u64 {
 /// Rounds up to a multiple of 2^`log2`; saturates.
 pub(super) fn align_up(offset: u64, log2: u8) -> u64 {
     let mask = (1u64 << log2) - 1;
-    offset.checked_add(mask).map_or(u64::MAX & !mask, |o| o & !mask)
+    offset.checked_add(mask).map_or(!mask, |o| o & !mask)
 }

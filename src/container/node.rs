@@ -270,7 +270,7 @@ impl Node {
                 if u64::from(self.stored_len) > MAX_BRICK_BYTES {
                     return bad(Code::Limit, 8, "node.stored_len", "the payload exceeds 64 MiB");
                 }
-                if self.offset % 16 != 0 {
+                if !self.offset.is_multiple_of(16) {
                     return bad(Code::Align, 0, "node.offset", "the payload is not aligned to 16 bytes");
                 }
             }

@@ -232,7 +232,8 @@ fn check_magic(bytes: &[u8]) -> Result<()> {
         return if there < MAGIC.len() { Err(truncated(there)) } else { Ok(()) };
     }
     let at = (0..there).find(|&i| bytes[i] != MAGIC[i]).unwrap_or(0);
-    let text_damage = at >= 8 || (at == 0 && bytes.get(1..8) == Some(&MAGIC[1..8]));
+    let stripped = bytes.len() >= 8 && bytes.iter().zip(MAGIC).take(8).all(|(a, b)| a & 0x7F == b & 0x7F);
+    let text_damage = at >= 8 || stripped;
     let message = if text_damage {
         "the file was damaged by a transfer in text mode (line ends or the eighth bit were changed); fetch it again in binary mode"
     } else {

@@ -56,7 +56,7 @@ pub(super) struct Placed {
 }
 
 /// Writes a head file into an empty `W`. Bricks may come in any order, which becomes their order in the file; the same
-/// calls give the same bytes. Memory: 32 bytes per brick, and at most 4 MiB of payloads.
+/// calls give the same bytes. Memory: 16 KiB per index page (512 bricks), and at most 4 MiB of payloads.
 pub struct FileWriter<W: Write + Seek> {
     out: BufWriter<W>,
     descriptor: VolumeDescriptor,

@@ -121,6 +121,7 @@ impl Volume {
         limits::check("node.stored_len", u64::from(node.stored_len), limits::MAX_BRICK_BYTES)?;
         limits::check("brick", layout.payload_len, self.limits.brick_bytes)?;
         let zstd = node.flags.contains(NodeFlags::ZSTD);
+        // spec: BRK-7
         if !zstd && u64::from(node.stored_len) != layout.payload_len {
             return Err(Error::at(
                 Code::Size,

@@ -29,10 +29,8 @@ impl Coverage {
         let mut found = Vec::new();
         let mut furthest: Option<(u64, &'static str)> = None;
         for (range, what) in &self.ranges {
-            if let Some((end, other)) = furthest {
-                if range.start < end {
-                    found.push((range.start, other, *what));
-                }
+            if let Some((_, other)) = furthest.filter(|(end, _)| range.start < *end) {
+                found.push((range.start, other, *what));
             }
             if furthest.is_none_or(|(end, _)| range.end > end) {
                 furthest = Some((range.end, what));
@@ -46,7 +44,7 @@ impl Coverage {
         self.ranges.sort_by_key(|r| (r.0.start, r.0.end));
         let (mut found, mut cursor) = (Vec::new(), 0);
         for (range, _) in &self.ranges {
-            if range.start > cursor {
+            if range.start.min(len) > cursor {
                 found.push(cursor..range.start.min(len));
             }
             cursor = cursor.max(range.end);
