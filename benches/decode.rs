@@ -37,7 +37,15 @@ fn encode(codec: &Codec, grid: &Grid) -> Bricks {
 }
 
 /// Decodes slabs of bricks into the raster, as a reader of whole volumes does.
-fn decode(params: &Params, bricks: &Bricks, isa: Option<Isa>, stores: Stores, t: SampleType, dst: &mut [u8], threads: usize) {
+fn decode(
+    params: &Params,
+    bricks: &Bricks,
+    isa: Option<Isa>,
+    stores: Stores,
+    t: SampleType,
+    dst: &mut [u8],
+    threads: usize,
+) {
     let n = bricks.per_axis;
     let (brick, whole) = (Extent::cube(BRICK), Region::whole(Extent::cube(BRICK)));
     let slab_bytes = dst.len() / n as usize;
@@ -52,7 +60,9 @@ fn decode(params: &Params, bricks: &Bricks, isa: Option<Isa>, stores: Stores, t:
                     let payload = &bricks.bytes[bricks.at[k]..][..len];
                     let dst = slab.sub(&Region::at([x * BRICK, y * BRICK, 0], brick));
                     match isa {
-                        Some(isa) => assert!(decode_on(isa, params, payload, brick, &whole, dst, stores).expect("valid")),
+                        Some(isa) => {
+                            assert!(decode_on(isa, params, payload, brick, &whole, dst, stores).expect("valid"))
+                        }
                         None => Codec::S3dc(*params).decode_hinted(payload, brick, &whole, dst, stores).expect("valid"),
                     }
                 }

@@ -80,8 +80,8 @@ impl Volume {
     #[inline]
     pub(super) fn codec_of(&self, node: &Node, lod: u8, brick: Coord) -> Result<(&Entry, usize)> {
         let entry = self.codecs.get(node.codec)?;
-        let bricks = self.head.octree.levels[usize::from(lod)].bricks;
-        Ok((entry, self.codecs.layout_index(entry, lod, brick, bricks)))
+        let level = self.head.octree.levels[usize::from(lod)].extent;
+        Ok((entry, self.codecs.layout_index(entry, lod, brick, level)))
     }
 
     /// The payload of a stored brick, uncompressed and checked.

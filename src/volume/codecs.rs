@@ -25,6 +25,7 @@ pub(super) struct Layout {
 pub(super) struct CodecTable {
     entries: Vec<std::result::Result<Entry, (u16, u16)>>,
     layouts: Vec<Layout>,
+    brick_log2: u8,
 }
 
 impl CodecTable {
@@ -57,15 +58,20 @@ impl CodecTable {
                 layouts.push(Layout { extent, s3dc, payload_len: codec.payload_len(d.sample_type, extent) });
             }
         }
-        Ok(CodecTable { entries, layouts })
+        Ok(CodecTable { entries, layouts, brick_log2: d.brick_log2 })
     }
 
-    /// Index of the layout of brick `brick` of level `lod`, where the level has `bricks` bricks.
+    /// Index of the layout of the whole bricks of level `lod`.
+    pub(super) fn whole_layout(entry: &Entry, lod: u8) -> usize {
+        entry.first_layout + usize::from(lod) * 8
+    }
+
+    /// Index of the layout of brick `brick` of level `lod`, whose extent is `level`.
     #[inline]
-    pub(super) fn layout_index(&self, entry: &Entry, lod: u8, brick: Coord, bricks: Extent) -> usize {
-        let partial = usize::from(brick[0] + 1 == bricks.x)
-            | usize::from(brick[1] + 1 == bricks.y) << 1
-            | usize::from(brick[2] + 1 == bricks.z) << 2;
+    pub(super) fn layout_index(&self, entry: &Entry, lod: u8, brick: Coord, level: Extent) -> usize {
+        // No overflow: an axis has at most 2^21 voxels.
+        let is_partial = |axis: usize, n: u32| usize::from((brick[axis] + 1) << self.brick_log2 > n) << axis;
+        let partial = is_partial(0, level.x) | is_partial(1, level.y) | is_partial(2, level.z);
         entry.first_layout + usize::from(lod) * 8 + partial
     }
 

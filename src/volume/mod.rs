@@ -23,6 +23,7 @@ mod options;
 mod pages;
 mod region;
 mod salvage;
+mod shortcut;
 mod slabs;
 mod verify;
 mod voxels;
@@ -35,8 +36,8 @@ pub use encode::{Progress, encode};
 pub use open::Volume;
 pub use options::{Bound, CodecChoice, EncodeOptions, NonFinite, Quality};
 pub use salvage::{LostBrick, Salvaged};
-pub use voxels::Sampler;
 pub use verify::{VerifyReport, verify};
+pub use voxels::Sampler;
 pub use writer::{EncodeReport, Shape, VolumeWriter};
 
 /// Which tree and level of detail is meant: time step, channel and LOD. The default is the first of each, the finest.

@@ -2,7 +2,8 @@
 
 use super::At;
 use super::open::Volume;
-use super::pages::PageSlot;
+use super::pages::{Known, PageSlot};
+use super::shortcut::Shortcut;
 use crate::codec::s3dc;
 use crate::container::NodeKind;
 use crate::error::{Error, Result};
@@ -28,7 +29,7 @@ impl Volume {
     /// # Errors
     /// As [`Volume::voxel`]; `E_PARAM` where `T` is not the volume's type.
     pub fn get<T: Sample>(&self, at: At, c: Coord) -> Result<T> {
-        self.sampler::<T>(at)?.get(c)
+        self.bare_sampler::<T>(at)?.get(c)
     }
 
     /// Reads many voxels in the order given, asking memory for the next ones while it decodes the first.
@@ -44,6 +45,13 @@ impl Volume {
     /// # Errors
     /// `E_RANGE` where there is no such level, `E_PARAM` where `T` is not the volume's type, those of the directory.
     pub fn sampler<T: Sample>(&self, at: At) -> Result<Sampler<'_, T>> {
+        let mut sampler = self.bare_sampler(at)?;
+        sampler.shortcut = Shortcut::new(self, at.lod);
+        Ok(sampler)
+    }
+
+    /// A sampler that costs nothing to set up.
+    fn bare_sampler<T: Sample>(&self, at: At) -> Result<Sampler<'_, T>> {
         let d = &self.head.descriptor;
         if T::TYPE != d.sample_type {
             return Err(Error::param("T", format!("voxels of {} wanted from a volume of {}", T::TYPE, d.sample_type)));
@@ -61,6 +69,7 @@ impl Volume {
             pages: [level.pages.x, level.pages.y],
             slots: slots.map_err(|e| self.replaced_or(e))?.unwrap_or_default(),
             file: self.source.as_slice().unwrap_or_default(),
+            shortcut: Shortcut::default(),
             sample: PhantomData,
         })
     }
@@ -102,26 +111,27 @@ pub struct Sampler<'a, T> {
     slots: &'a [PageSlot],
     /// The whole file, where it lies in memory.
     file: &'a [u8],
+    shortcut: Shortcut,
     sample: PhantomData<T>,
 }
 
-/// Where a voxel is that needs no reading.
-#[derive(Clone, Copy)]
-enum Place<'a> {
-    S3dc(&'a s3dc::Layout, s3dc::Point),
-    Constant(u32),
-    /// It has to be fetched, or does not exist.
-    Unknown,
-}
-
-impl<T: Sample> Sampler<'_, T> {
+// Inlined by force: through memory, places and results of 16 bytes written in parts would be read back whole, which
+// stalls until the loads that we want to overlap are done.
+impl<'a, T: Sample> Sampler<'a, T> {
     /// Reads the voxel at `c` (x, y, z).
     ///
     /// # Errors
     /// As [`Volume::voxel`].
-    #[inline]
+    #[inline(always)]
     pub fn get(&self, c: Coord) -> Result<T> {
-        self.decode(self.place(c), c)
+        // The usual layout apart, down to the sample: every number of it is then a constant.
+        if let Some((n, point)) = self.shortcut.usual_point::<T>(c) {
+            return Ok(s3dc_voxel(self.file, n, point));
+        }
+        match self.direct(c) {
+            Some((n, point)) => Ok(s3dc_voxel(self.file, n, point)),
+            None => self.indirect(c),
+        }
     }
 
     /// Reads many voxels in the order given, asking memory for the next ones while it decodes the first.
@@ -132,45 +142,58 @@ impl<T: Sample> Sampler<'_, T> {
         if coords.len() != out.len() {
             return Err(Error::param("out", format!("{} places for {} voxels", out.len(), coords.len())));
         }
-        let mut ahead = [Place::Unknown; AHEAD];
+        // Indices per word; 0 where the voxel takes the long way.
+        let mut words = [0; AHEAD];
+        let mut points = [s3dc::Point::default(); AHEAD];
         for (coords, out) in coords.chunks(AHEAD).zip(out.chunks_mut(AHEAD)) {
-            for (slot, &c) in ahead.iter_mut().zip(coords) {
-                *slot = self.place(c);
-                if let Place::S3dc(_, point) = *slot {
-                    point.prefetch(self.file);
+            for ((word, point), &c) in words.iter_mut().zip(&mut points).zip(coords) {
+                *word = 0;
+                if let Some((n, p)) = self.direct(c) {
+                    p.prefetch(self.file);
+                    (*word, *point) = (n, p);
                 }
             }
-            for ((value, &place), &c) in out.iter_mut().zip(&ahead).zip(coords) {
-                *value = self.decode(place, c)?;
+            for (((value, &n), &point), &c) in out.iter_mut().zip(&words).zip(&points).zip(coords) {
+                *value = if n > 0 { s3dc_voxel(self.file, n, point) } else { self.indirect(c)? };
             }
         }
         Ok(())
     }
 
-    #[inline]
-    fn place(&self, c: Coord) -> Place<'_> {
+    /// What is known of the brick that holds `c`.
+    #[inline(always)]
+    fn known(&self, c: Coord) -> Option<Known> {
         if !self.extent.contains(c) {
-            return Place::Unknown;
+            return None;
         }
-        let brick = c.map(|v| v >> self.brick_log2);
-        let page = (brick[0] >> 3) + self.pages[0] * ((brick[1] >> 3) + self.pages[1] * (brick[2] >> 3));
-        let Some(page) = self.slots.get(page as usize).and_then(PageSlot::loaded) else { return Place::Unknown };
-        let known = page.known_at(brick[0] & 7 | (brick[1] & 7) << 3 | (brick[2] & 7) << 6);
-        if let Some((offset, layout)) = known.as_direct() {
-            let mask = (1 << self.brick_log2) - 1;
-            if let Some(layout) = &self.volume.codecs.layout(layout).s3dc {
-                return Place::S3dc(layout, layout.point(c.map(|v| v & mask), offset));
-            }
-        }
-        known.as_constant().map_or(Place::Unknown, Place::Constant)
+        let [x, y, z] = c.map(|v| v >> self.brick_log2);
+        let page = (x >> 3) + self.pages[0] * ((y >> 3) + self.pages[1] * (z >> 3));
+        let page = self.slots.get(page as usize)?.loaded()?;
+        Some(page.known_at(x & 7 | (y & 7) << 3 | (z & 7) << 6))
     }
 
-    #[inline]
-    fn decode(&self, place: Place<'_>, c: Coord) -> Result<T> {
-        match place {
-            Place::S3dc(layout, point) => Ok(s3dc_voxel(layout, self.file, point)),
-            Place::Constant(raw) => Ok(bytemuck::pod_read_unaligned(&raw.to_ne_bytes()[native(T::TYPE)])),
-            Place::Unknown => self.volume.fetch_voxel(self.at, self.tree, c),
+    /// Where a voxel lies whose brick has been used before and is in memory as it is in the file.
+    #[inline(always)]
+    fn direct(&self, c: Coord) -> Option<(u32, s3dc::Point)> {
+        self.shortcut.point::<T>(c).or_else(|| self.direct_by_page(c))
+    }
+
+    /// [`Sampler::direct`] by way of the index; what it finds becomes a shortcut.
+    #[inline(never)]
+    fn direct_by_page(&self, c: Coord) -> Option<(u32, s3dc::Point)> {
+        let (offset, index) = self.known(c)?.as_direct()?;
+        self.shortcut.learn(c, index, offset);
+        let layout = self.volume.codecs.layout(index).s3dc.as_ref()?;
+        let mask = (1 << self.brick_log2) - 1;
+        Some((layout.indices_per_word(), layout.point(c.map(|v| v & mask), offset)))
+    }
+
+    /// A voxel of a CONSTANT or EMPTY brick, or one that has to be fetched.
+    #[inline(never)]
+    fn indirect(&self, c: Coord) -> Result<T> {
+        match self.known(c).and_then(Known::as_constant) {
+            Some(raw) => Ok(bytemuck::pod_read_unaligned(&raw.to_ne_bytes()[native(T::TYPE)])),
+            None => self.volume.fetch_voxel(self.at, self.tree, c),
         }
     }
 }
@@ -199,13 +222,13 @@ fn same<A: Sample, B: Sample>(v: A) -> B {
 }
 
 /// The type is known when this is compiled: no match remains.
-#[inline]
-fn s3dc_voxel<T: Sample>(layout: &s3dc::Layout, payload: &[u8], point: s3dc::Point) -> T {
+#[inline(always)]
+fn s3dc_voxel<T: Sample>(file: &[u8], n: u32, point: s3dc::Point) -> T {
     match T::TYPE {
-        SampleType::U8 => same(layout.read::<u8>(payload, point)),
-        SampleType::U16 => same(layout.read::<u16>(payload, point)),
-        SampleType::I16 => same(layout.read::<i16>(payload, point)),
-        SampleType::F32 => same(layout.read::<f32>(payload, point)),
+        SampleType::U8 => same(point.read::<u8>(file, n)),
+        SampleType::U16 => same(point.read::<u16>(file, n)),
+        SampleType::I16 => same(point.read::<i16>(file, n)),
+        SampleType::F32 => same(point.read::<f32>(file, n)),
         SampleType::Rgb8 => unreachable!("s3dc holds scalars only"),
     }
 }

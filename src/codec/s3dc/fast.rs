@@ -149,7 +149,8 @@ pub fn drive<K: Kernel>(kernel: &mut K, job: Job<'_>) {
                 let at = (y.start - ry0) as usize * out_pitch[0] + (z.start - rz0) as usize * out_pitch[1];
                 let out = &mut dst.bytes[at + (wanted - rx0) as usize * K::BYTES..];
                 let count = [y.len(), z.len()];
-                let rows = Rows { words, words_len, words_pitch, out, out_len: out_len - skip, out_pitch, count, stores };
+                let rows =
+                    Rows { words, words_len, words_pitch, out, out_len: out_len - skip, out_pitch, count, stores };
                 if !fast {
                     plain_rows(layout, payload, [wanted, y.start, z.start], rows);
                 } else if skip == 0 {
@@ -158,7 +159,16 @@ pub fn drive<K: Kernel>(kernel: &mut K, job: Job<'_>) {
                     rows.for_each(|words, out| {
                         let buffer = &mut [0; CHUNK * 4];
                         let (out_pitch, count, stores) = ([0; 2], [1; 2], Stores::Cached);
-                        kernel.rows(Rows { words, words_len, words_pitch, out: buffer, out_len, out_pitch, count, stores });
+                        kernel.rows(Rows {
+                            words,
+                            words_len,
+                            words_pitch,
+                            out: buffer,
+                            out_len,
+                            out_pitch,
+                            count,
+                            stores,
+                        });
                         out.copy_from_slice(&buffer[skip..out_len]);
                     });
                 }

@@ -33,7 +33,7 @@ mod scalar;
 pub use fast::Isa;
 pub use layout::Layout;
 pub use params::{Endpoints, IndexCurve, Params};
-pub use point::Point;
+pub use point::{Point, PowerLayout};
 pub use ratio::{closed_form_ratio, eq6_max_error, formula_ratio, integer_error_bound, padded_ratio};
 pub use scalar::Scalar;
 
