@@ -152,7 +152,8 @@ proptest! {
             raw[..case.t.bytes()].copy_from_slice(&bytes[at..at + case.t.bytes()]);
             let expected = u32::from_ne_bytes(raw);
             let c = std::array::from_fn(|a| c[a] + region.start[a]);
-            layout.touch(&payload, c);
+            let point = layout.point(c, 0);
+            point.prefetch(&payload);
             prop_assert_eq!(bits(layout.value(&payload, c)), expected);
             prop_assert_eq!(bits(codec.voxel(&payload, case.t, case.brick, c).unwrap()), expected);
         }
