@@ -1,0 +1,284 @@
+//! What opening and encoding take of the heap, measured: every allocation of this test binary is counted.
+#![allow(unsafe_code, reason = "a global allocator that counts can only be written with unsafe")]
+
+mod support;
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::fs::File;
+use std::io::{self, Seek, SeekFrom, Write};
+use std::path::Path;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use vug::codec::Codec;
+use vug::codec::s3dc::{Endpoints, Params};
+use vug::container::{CodecEntry, FileWriter, FinishOptions, Node, NodeFlags, VolumeDescriptor};
+use vug::limits::Limits;
+use vug::source::FileSource;
+use vug::volume::{At, Cost, Volume};
+use vug::{Extent, Grid, SampleType};
+
+/// The system's allocator, and how much of it is in use.
+struct Counting;
+
+static NOW: AtomicUsize = AtomicUsize::new(0);
+static PEAK: AtomicUsize = AtomicUsize::new(0);
+
+fn add(bytes: usize) {
+    let now = NOW.fetch_add(bytes, Ordering::Relaxed) + bytes;
+    PEAK.fetch_max(now, Ordering::Relaxed);
+}
+
+// SAFETY: every call is passed on unchanged to `System`, which fulfils the contract; counting allocates nothing.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        add(layout.size());
+        // SAFETY: the caller's promises about `layout` are those that `System` wants.
+        unsafe { System.alloc(layout) }
+    }
+    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
+        add(layout.size());
+        // SAFETY: as above.
+        unsafe { System.alloc_zeroed(layout) }
+    }
+    unsafe fn dealloc(&self, ptr: *mut u8, layout: Layout) {
+        NOW.fetch_sub(layout.size(), Ordering::Relaxed);
+        // SAFETY: `ptr` came from one of the functions here, hence from `System`, with this `layout`.
+        unsafe { System.dealloc(ptr, layout) }
+    }
+    unsafe fn realloc(&self, ptr: *mut u8, layout: Layout, new_size: usize) -> *mut u8 {
+        // Old and new may exist side by side for a moment: counted as if they did.
+        add(new_size);
+        // SAFETY: as for `dealloc`; `new_size` is the caller's promise.
+        let new = unsafe { System.realloc(ptr, layout, new_size) };
+        NOW.fetch_sub(layout.size(), Ordering::Relaxed);
+        new
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+/// One measurement at a time: the counters are those of the whole process.
+static ALONE: Mutex<()> = Mutex::new(());
+
+/// Runs `f` and returns the most bytes that were allocated at any moment beyond what was before.
+fn peak<R>(f: impl FnOnce() -> R) -> (R, usize) {
+    let before = NOW.load(Ordering::Relaxed);
+    PEAK.store(before, Ordering::Relaxed);
+    let result = f();
+    (result, PEAK.load(Ordering::Relaxed) - before)
+}
+
+#[test]
+fn the_counter_counts() {
+    let _alone = ALONE.lock().unwrap_or_else(|e| e.into_inner());
+    let (kept, bytes) = peak(|| {
+        drop(vec![1u8; 5 << 20]);
+        vec![2u8; 1 << 20]
+    });
+    assert!((5 << 20..(5 << 20) + 100_000).contains(&bytes), "{bytes}");
+    drop(kept);
+}
+
+const EDGE: u32 = 64;
+/// 90³ bricks, as large as S3Dc with 4 bits and 4³ blocks makes them: 729,000 times 136 KiB.
+const BRICKS: u32 = 90;
+const PAYLOAD: usize = 64 * 64 * 64 / 2 + 16 * 16 * 16 * 2;
+/// Payload of every brick but the first.
+static NOTHING: [u8; PAYLOAD] = [0; PAYLOAD];
+
+/// Writes a sparse file: the payload [`NOTHING`] and everything else that is zero becomes a hole. So do the leaders beyond
+/// the first MiB, which would cost a block of the disk each and which no reader of a whole index looks at.
+struct Sparse {
+    file: File,
+    at: u64,
+}
+
+impl Write for Sparse {
+    fn write(&mut self, buf: &[u8]) -> io::Result<usize> {
+        let nothing = std::ptr::eq(buf.as_ptr(), NOTHING.as_ptr());
+        let leader = buf.len() == 32 && buf.starts_with(b"VBRK") && self.at > 1 << 20;
+        if !nothing && !leader && buf.iter().any(|b| *b != 0) {
+            self.file.seek(SeekFrom::Start(self.at))?;
+            self.file.write_all(buf)?;
+        }
+        self.at += buf.len() as u64;
+        Ok(buf.len())
+    }
+    fn flush(&mut self) -> io::Result<()> {
+        self.file.flush()
+    }
+}
+
+impl Seek for Sparse {
+    fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
+        let SeekFrom::Start(at) = to else { return Err(io::ErrorKind::Unsupported.into()) };
+        self.at = at;
+        Ok(at)
+    }
+}
+
+fn ramp([x, y, z]: [u32; 3]) -> u8 {
+    (x + y + z) as u8 / 2 + 10
+}
+
+/// The file, and its length.
+fn write_100_gb(path: &Path) -> u64 {
+    let codec = Codec::S3dc(Params::new(4, Extent::cube(4), Endpoints::MinMax).unwrap());
+    let (id, stream_version, params) = codec.to_wire();
+    let descriptor = VolumeDescriptor {
+        dims: Extent::cube(EDGE * BRICKS),
+        time_steps: 1,
+        channels: 1,
+        sample_type: SampleType::U8,
+        lod_count: 1,
+        brick_log2: 6,
+        codecs: vec![CodecEntry { id, stream_version, params }],
+        placement: Default::default(),
+        null_value: [0; 4],
+        value_map: Default::default(),
+        source_range: (0.0, 255.0),
+        achieved: None,
+        payload_bytes: u64::from(BRICKS).pow(3) * PAYLOAD as u64,
+        replaced: 0,
+    };
+    let mut first = Vec::new();
+    codec.encode(Grid::from_fn(Extent::cube(EDGE), ramp).unwrap().view(), &mut first).unwrap();
+    assert_eq!(first.len(), PAYLOAD);
+    let out = Sparse { file: File::create(path).unwrap(), at: 0 };
+    let mut writer = FileWriter::new(out, &descriptor).unwrap();
+    let node = Node::new_stored(0, NodeFlags::default(), (0.0, 255.0), None);
+    for z in 0..BRICKS {
+        for y in 0..BRICKS {
+            for x in 0..BRICKS {
+                let payload = if [x, y, z] == [0; 3] { &first[..] } else { &NOTHING };
+                writer.put_stored(0, 0, [x, y, z], &node, payload).unwrap();
+            }
+        }
+    }
+    let (out, summary) = writer.finish(&descriptor, FinishOptions::default()).unwrap();
+    out.file.set_len(summary.len).unwrap();
+    summary.len
+}
+
+/// Whether files in `folder` can have holes: 1 GiB of nothing takes no room.
+#[cfg(unix)]
+fn holes(folder: &Path) -> bool {
+    use std::os::unix::fs::MetadataExt;
+    let probe = File::create(folder.join("probe")).unwrap();
+    probe.set_len(1 << 30).is_ok() && probe.metadata().unwrap().blocks() < 1 << 10
+}
+
+#[cfg(not(unix))]
+fn holes(_: &Path) -> bool {
+    false
+}
+
+#[test] // S-38; spec: VAL-9
+fn a_file_of_100_gb_opens_with_less_than_1_mb() {
+    let _alone = ALONE.lock().unwrap_or_else(|e| e.into_inner());
+    let folder = tempfile::tempdir().unwrap();
+    if !holes(folder.path()) {
+        println!("skipped: no sparse files in {}", folder.path().display());
+        return;
+    }
+    let path = folder.path().join("large.vug");
+    let len = write_100_gb(&path);
+    assert!(len >= 100_000_000_000, "{len}");
+    assert_eq!(std::fs::metadata(&path).unwrap().len(), len);
+
+    let (volume, heap) = peak(|| {
+        let volume = Volume::open(FileSource::open(&path).unwrap(), Limits::default()).unwrap();
+        assert_eq!(volume.cost(), Cost { reads: 1, bytes: 16_384 });
+        let c = [1, 2, 3];
+        let value = volume.get::<u8>(At::default(), c).unwrap();
+        assert!(value.abs_diff(ramp(c)) <= 1, "{value}");
+        volume
+    });
+    println!("{len} bytes, first voxel: {:?}, {heap} bytes of heap at most", volume.cost());
+    assert_eq!(volume.cost().reads, 4, "head, directory chunk (1,728 pages do not fit the head), page, payload");
+    assert!(heap < 1_000_000, "{heap} bytes");
+    // The far end costs its own chunk, page and payload, and no more.
+    volume.reset_cost();
+    let far = [EDGE * BRICKS - 1; 3];
+    assert_eq!(volume.get::<u8>(At::default(), far).unwrap(), 0);
+    assert_eq!(volume.cost().reads, 3);
+    assert!(volume.cost().bytes < 200_000, "{:?}", volume.cost());
+}
+
+#[cfg(feature = "convert")]
+mod encoding {
+    use super::*;
+    use crate::support::{explicit, hash};
+    use vug::volume::EncodeOptions;
+
+    /// Resident bytes of this process now, and their peak since [`reset_resident_peak`]: what C libraries take is in there.
+    fn resident() -> Option<(usize, usize)> {
+        let status = std::fs::read_to_string("/proc/self/status").ok()?;
+        let field = |name: &str| {
+            let line = status.lines().find(|l| l.starts_with(name))?;
+            line.split_whitespace().nth(1)?.parse::<usize>().ok().map(|kib| kib << 10)
+        };
+        Some((field("VmRSS:")?, field("VmHWM:")?))
+    }
+
+    fn reset_resident_peak() -> Option<()> {
+        std::fs::write("/proc/self/clear_refs", "5").ok()
+    }
+
+    /// Encodes `path` with `jobs` threads and returns the peaks: heap, and resident memory where it can be known.
+    fn encode_peak(path: &Path, extent: Extent, jobs: usize, options: &EncodeOptions) -> (usize, Option<usize>) {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(jobs).build().unwrap();
+        let import = vug::convert::ImportOptions {
+            shape: Some(extent),
+            dtype: Some(SampleType::U8),
+            ..vug::convert::ImportOptions::default()
+        };
+        let out = File::create(path.with_extension("vug")).unwrap();
+        let before = reset_resident_peak().and_then(|()| resident());
+        let (report, heap) = peak(|| {
+            pool.install(|| {
+                let mut source = vug::convert::import(path, &import).unwrap();
+                assert!(source.streamed, "nothing is held that has not been asked for");
+                vug::volume::encode(&mut *source.reader, out, options, &mut |_, _| {}).unwrap()
+            })
+        });
+        assert_eq!(report.bricks[0], extent.div_ceil(Extent::cube(64)).voxels());
+        let after = before.and_then(|(rss, _)| Some(resident()?.1.saturating_sub(rss)));
+        (heap, after)
+    }
+
+    #[test] // S-05
+    fn encoding_holds_one_slab_of_bricks() {
+        let _alone = ALONE.lock().unwrap_or_else(|e| e.into_inner());
+        const MIB: usize = 1 << 20;
+        let folder = tempfile::tempdir().unwrap();
+        let extent = Extent::new(512, 512, 256);
+        let path = folder.path().join("noise.raw");
+        {
+            let mut file = std::io::BufWriter::new(File::create(&path).unwrap());
+            for z in 0..extent.z {
+                let plane: Vec<u8> = (0..512 * 512u32).map(|i| (hash([i, z, 0]) >> 24) as u8).collect();
+                file.write_all(&plane).unwrap();
+            }
+            file.into_inner().unwrap().sync_all().unwrap();
+        }
+        let slab = 512 * 512 * 64;
+        let plain = EncodeOptions { zstd: false, ..explicit(4, 4) };
+        for (jobs, options) in [(1, explicit(4, 4)), (2, explicit(4, 4)), (1, plain)] {
+            let (heap, resident) = encode_peak(&path, extent, jobs, &options);
+            let bound = slab + 64 * MIB * jobs;
+            let in_mib = |b: usize| b as f64 / MIB as f64;
+            println!(
+                "{jobs} jobs, zstd {}: {:.1} MiB of heap, {:?} MiB resident; allowed {:.1}",
+                options.zstd,
+                in_mib(heap),
+                resident.map(in_mib),
+                in_mib(bound)
+            );
+            assert!(heap > slab, "the slab itself: the counter works");
+            assert!(heap <= bound, "{heap} > {bound}");
+            assert!(resident.is_none_or(|r| r <= bound), "{resident:?} > {bound}");
+        }
+    }
+}
