@@ -58,17 +58,28 @@ fn rows<T: Sample>(edge: u32, convert: impl Fn(f32) -> T) {
                 ),
                 (
                     "decode, first (CRC)".into(),
-                    Box::new(|| open(plain).read_region_into(At::default(), whole, second.view_mut()).expect("decodes")),
+                    Box::new(|| {
+                        open(plain).read_region_into(At::default(), whole, second.view_mut()).expect("decodes")
+                    }),
                 ),
                 (
                     "decode, first, zstd".into(),
                     Box::new(|| open(zstd).read_region_into(At::default(), whole, third.view_mut()).expect("decodes")),
                 ),
-                ("encode + measure + write".into(), Box::new(|| _ = black_box(encoded(&mut grid.lock().expect("one user"), false)))),
-                ("the same, zstd".into(), Box::new(|| _ = black_box(encoded(&mut grid.lock().expect("one user"), true)))),
+                (
+                    "encode + measure + write".into(),
+                    Box::new(|| _ = black_box(encoded(&mut grid.lock().expect("one user"), false))),
+                ),
+                (
+                    "the same, zstd".into(),
+                    Box::new(|| _ = black_box(encoded(&mut grid.lock().expect("one user"), true))),
+                ),
             ];
             let timings = support::interleave(5, &mut contestants);
-            println!("\n{what}, {threads} thread(s): memcpy {:.1} GB/s", bytes as f64 / timings[0].median.as_secs_f64() / 1e9);
+            println!(
+                "\n{what}, {threads} thread(s): memcpy {:.1} GB/s",
+                bytes as f64 / timings[0].median.as_secs_f64() / 1e9
+            );
             for t in &timings[1..] {
                 let rate = f64::from(edge).powi(3) / t.median.as_secs_f64() / 1e6;
                 println!("  {:<26} {:>7.2} × memcpy {:>9.0} Mvoxel/s", t.name, t.ratio_to(&timings[0]).0, rate);

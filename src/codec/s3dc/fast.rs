@@ -119,9 +119,7 @@ struct Strip<'a> {
 impl<'a> Piece<'a> {
     fn strips(&self) -> impl Iterator<Item = Strip<'a>> + use<'a> {
         let (piece, [x0, x1]) = (*self, [self.region.start[0], self.region.end[0]]);
-        (x0 & !63..x1)
-            .step_by(CHUNK)
-            .map(move |x| Strip { piece, x: [x, x1.min(x + CHUNK as u32)], wanted: x0.max(x) })
+        (x0 & !63..x1).step_by(CHUNK).map(move |x| Strip { piece, x: [x, x1.min(x + CHUNK as u32)], wanted: x0.max(x) })
     }
 }
 

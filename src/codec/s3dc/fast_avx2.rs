@@ -9,11 +9,11 @@
 //!   the division is a high multiplication by `ceil(2^16/q)` for q ≤ 15.
 #![allow(unsafe_code, reason = "loads and stores of vectors, and calls of functions that need AVX2")]
 
+use super::Scalar;
 use super::fast::{Job, Kernel, Piece, drive};
 use super::fast_avx2_float::{FloatBytes, FloatPalette};
 use super::fast_rows::Rows;
 use super::fast_tables::{BlockRow, Table};
-use super::Scalar;
 use crate::codec::Stores;
 use crate::voxel::SampleType;
 use std::arch::x86_64::*;

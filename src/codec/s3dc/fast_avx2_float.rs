@@ -4,9 +4,9 @@
 //! from these palettes with lane permutes. At 8 bits the formula itself is evaluated, in f64 and in the same order.
 #![allow(unsafe_code, reason = "loads and stores of vectors, and calls of functions that need AVX2")]
 
+use super::Scalar;
 use super::fast::{CHUNK, Kernel};
 use super::fast_avx2::{Avx2, Out, first, load};
-use super::Scalar;
 use super::fast_rows::Rows;
 use super::fast_tables::{BlockRow, Table};
 use crate::codec::Stores;
