@@ -37,7 +37,14 @@ fn encode(codec: &Codec, grid: &Grid) -> Bricks {
 }
 
 /// Decodes slabs of bricks into the raster, as a reader of whole volumes does.
-fn decode(params: &Params, bricks: &Bricks, (isa, stores, run): (Isa, Stores, usize), t: SampleType, dst: &mut [u8], threads: usize) {
+fn decode(
+    params: &Params,
+    bricks: &Bricks,
+    (isa, stores, run): (Isa, Stores, usize),
+    t: SampleType,
+    dst: &mut [u8],
+    threads: usize,
+) {
     let n = bricks.per_axis;
     let (brick, whole) = (Extent::cube(BRICK), Region::whole(Extent::cube(BRICK)));
     let len = Codec::S3dc(*params).payload_len(t, brick) as usize;

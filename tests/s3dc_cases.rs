@@ -206,9 +206,13 @@ fn end_points_that_are_not_finite_decode_to_min_and_are_rejected() {
     let e = Extent::new(20, 4, 4);
     let c = codec(4, [4, 4, 4]);
     let good = encode(&c, e, &(0..320).map(|k| k as f32).collect::<Vec<_>>());
-    for (lo, hi) in
-        [(f32::NAN, 1.0), (1.0, f32::NAN), (f32::NEG_INFINITY, 1.0), (0.0, f32::INFINITY), (-f32::INFINITY, f32::INFINITY)]
-    {
+    for (lo, hi) in [
+        (f32::NAN, 1.0),
+        (1.0, f32::NAN),
+        (f32::NEG_INFINITY, 1.0),
+        (0.0, f32::INFINITY),
+        (-f32::INFINITY, f32::INFINITY),
+    ] {
         let mut bytes = good.clone();
         bytes[8..12].copy_from_slice(&lo.to_le_bytes());
         bytes[12..16].copy_from_slice(&hi.to_le_bytes());

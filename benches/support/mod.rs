@@ -26,10 +26,7 @@ pub struct Timing {
 impl Timing {
     /// How many times faster than `other`, by medians and by best rounds.
     pub fn ratio_to(&self, other: &Timing) -> (f64, f64) {
-        (
-            other.median.as_secs_f64() / self.median.as_secs_f64(),
-            other.min.as_secs_f64() / self.min.as_secs_f64(),
-        )
+        (other.median.as_secs_f64() / self.median.as_secs_f64(), other.min.as_secs_f64() / self.min.as_secs_f64())
     }
 }
 
@@ -70,7 +67,8 @@ pub fn rounds(bytes: usize) -> usize {
 pub fn synthetic(edge: u32, [x, y, z]: [u32; 3]) -> f32 {
     let p = [x, y, z].map(|v| (v as f32 + 0.5) / edge as f32 - 0.5);
     let r = (p[0] * p[0] + p[1] * p[1] * 1.4 + p[2] * p[2] * 0.8).sqrt();
-    let seed = (x.wrapping_mul(0x9E37_79B1) ^ y.wrapping_mul(0x85EB_CA77) ^ z.wrapping_mul(0xC2B2_AE3D)).wrapping_mul(0x27D4_EB2F);
+    let seed = (x.wrapping_mul(0x9E37_79B1) ^ y.wrapping_mul(0x85EB_CA77) ^ z.wrapping_mul(0xC2B2_AE3D))
+        .wrapping_mul(0x27D4_EB2F);
     let noise = ((seed ^ seed >> 15) & 0xffff) as f32 / 65_535.0 - 0.5;
     if r > 0.48 {
         return 0.0;
@@ -87,7 +85,9 @@ pub fn volume<T: Sample>(edge: u32, convert: impl Fn(f32) -> T) -> Grid {
 /// Prints what every bench should say first.
 pub fn header(what: &str) {
     println!("{what}");
-    println!("volume: synthetic (shells and bands with noise); one run, rounds interleaved; ratio > 1 = faster than memcpy");
+    println!(
+        "volume: synthetic (shells and bands with noise); one run, rounds interleaved; ratio > 1 = faster than memcpy"
+    );
     println!("threads of this machine: {}", std::thread::available_parallelism().map_or(1, usize::from));
 }
 

@@ -41,12 +41,16 @@ impl<'a> Rows<'a> {
     /// # Panics
     /// Where a row does not lie inside its slice, or rows of samples overlap.
     #[inline]
-    pub fn new((words, words_grid): (&'a [u8], Grid2), (out, out_grid): (&'a mut [u8], Grid2), count: [usize; 2]) -> Self {
+    pub fn new(
+        (words, words_grid): (&'a [u8], Grid2),
+        (out, out_grid): (&'a mut [u8], Grid2),
+        count: [usize; 2],
+    ) -> Self {
         let inside = |grid: &Grid2, len| grid.span(count).is_some_and(|span| span <= len);
         assert!(inside(&words_grid, words.len()) && inside(&out_grid, out.len()), "rows lie inside their slices");
         let slice_len = (count[0] - 1) * out_grid.pitch[0] + out_grid.len;
-        let disjoint = (count[0] == 1 || out_grid.pitch[0] >= out_grid.len)
-            && (count[1] == 1 || out_grid.pitch[1] >= slice_len);
+        let disjoint =
+            (count[0] == 1 || out_grid.pitch[0] >= out_grid.len) && (count[1] == 1 || out_grid.pitch[1] >= slice_len);
         assert!(disjoint, "rows of samples do not overlap");
         Rows {
             words: words.as_ptr(),
