@@ -6,7 +6,7 @@ mod support;
 
 use support::{Contestant, Timing, copy, header, interleave, rounds, synthetic, volume, wanted};
 use vug::codec::s3dc::{Endpoints, Isa, Params, decode_on};
-use vug::codec::{Codec, Stores};
+use vug::codec::{BrickPart, Codec, Stores};
 use vug::geometry::{Extent, Region};
 use vug::grid::{Grid, ViewMut};
 use vug::voxel::SampleType;
@@ -40,31 +40,30 @@ fn encode(codec: &Codec, grid: &Grid) -> Bricks {
 fn decode(
     params: &Params,
     bricks: &Bricks,
-    isa: Option<Isa>,
-    stores: Stores,
+    (isa, stores, run): (Isa, Stores, usize),
     t: SampleType,
     dst: &mut [u8],
     threads: usize,
 ) {
     let n = bricks.per_axis;
     let (brick, whole) = (Extent::cube(BRICK), Region::whole(Extent::cube(BRICK)));
+    let len = Codec::S3dc(*params).payload_len(t, brick) as usize;
     let slab_bytes = dst.len() / n as usize;
     let slab_extent = Extent::new(n * BRICK, n * BRICK, BRICK);
     let slabs = |first: usize, dst: &mut [u8]| {
         for (z, slab) in dst.chunks_mut(slab_bytes).enumerate() {
             let mut slab = ViewMut::dense(slab, slab_extent, t);
             for y in 0..n {
-                for x in 0..n {
-                    let k = (x + n * (y + n * (first + z) as u32)) as usize;
-                    let len = Codec::S3dc(*params).payload_len(t, brick) as usize;
-                    let payload = &bricks.bytes[bricks.at[k]..][..len];
-                    let dst = slab.sub(&Region::at([x * BRICK, y * BRICK, 0], brick));
-                    match isa {
-                        Some(isa) => {
-                            assert!(decode_on(isa, params, payload, brick, &whole, dst, stores).expect("valid"))
-                        }
-                        None => Codec::S3dc(*params).decode_hinted(payload, brick, &whole, dst, stores).expect("valid"),
-                    }
+                for x in (0..n).step_by(run) {
+                    let part = |x| {
+                        let at = bricks.at[(x + n * (y + n * (first + z) as u32)) as usize];
+                        BrickPart { payload: &bricks.bytes[at..at + len], brick, region: whole }
+                    };
+                    let count = n.min(x + run as u32) - x;
+                    let parts: Vec<_> = (x..x + count).map(part).collect();
+                    let extent = Extent { x: count * BRICK, ..brick };
+                    let dst = slab.sub(&Region::at([x * BRICK, y * BRICK, 0], extent));
+                    assert!(decode_on(isa, params, &parts, dst, stores).expect("valid payloads"));
                 }
             }
         }
@@ -111,11 +110,15 @@ fn size(edge: u32, t: SampleType) {
                 vec![("memcpy".into(), Box::new(|| copy(grid.bytes(), &mut dst.borrow_mut(), threads)))];
             for &isa in Isa::available() {
                 for stores in [Stores::Cached, Stores::Streaming] {
-                    let (params, bricks, dst) = (&params, &bricks, &dst);
-                    contestants.push((
-                        format!("{isa:?} {stores:?}"),
-                        Box::new(move || decode(params, bricks, Some(isa), stores, t, &mut dst.borrow_mut(), threads)),
-                    ));
+                    for run in [1, 4] {
+                        let (params, bricks, dst) = (&params, &bricks, &dst);
+                        contestants.push((
+                            format!("{isa:?} {stores:?} by {run}"),
+                            Box::new(move || {
+                                decode(params, bricks, (isa, stores, run), t, &mut dst.borrow_mut(), threads);
+                            }),
+                        ));
+                    }
                 }
             }
             let times = interleave(rounds(bytes), &mut contestants);

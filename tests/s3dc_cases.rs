@@ -357,13 +357,13 @@ fn rejection_by_end_points_is_closed_at_both_ends() {
         l.blocks_overlapping::<u8>(&bytes, lo, hi, |b, _, _| v.push(b[0]));
         v
     };
-    assert_eq!(found(0, 9), []);
+    assert_eq!(found(0, 9), [0u32; 0]);
     assert_eq!(found(0, 10), [0]);
     assert_eq!(found(12, 99), [0]);
-    assert_eq!(found(13, 99), []);
+    assert_eq!(found(13, 99), [0u32; 0]);
     assert_eq!(found(13, 100), [1]);
     assert_eq!(found(103, 255), [1]);
-    assert_eq!(found(104, 255), []);
+    assert_eq!(found(104, 255), [0u32; 0]);
     assert_eq!(found(0, 255), [0, 1]);
 }
 

@@ -6,7 +6,7 @@ mod s3dc_support;
 use proptest::prelude::*;
 use s3dc_support::params;
 use vug::codec::s3dc::{Isa, Layout, Params, Scalar, decode_on};
-use vug::codec::{Codec, Stores};
+use vug::codec::{BrickPart, Codec, Stores};
 use vug::geometry::{Extent, Region};
 use vug::grid::{View, ViewMut};
 use vug::voxel::{SampleType, SampleValue};
@@ -95,12 +95,13 @@ fn into(case: &Case, decode: impl FnOnce(ViewMut<'_>)) -> Vec<u8> {
 fn all_paths_agree(case: &Case, payload: &[u8]) {
     let codec = Codec::S3dc(case.params);
     let plain = into(case, |dst| codec.decode_plain(payload, case.brick, &case.region, dst).unwrap());
+    let part = BrickPart { payload, brick: case.brick, region: case.region };
     for stores in [Stores::Cached, Stores::Streaming] {
         let chosen = into(case, |d| codec.decode_hinted(payload, case.brick, &case.region, d, stores).unwrap());
         assert!(chosen == plain, "the chosen path differs ({stores:?})");
         for &isa in Isa::available() {
             let fast = into(case, |dst| {
-                assert!(decode_on(isa, &case.params, payload, case.brick, &case.region, dst, stores).unwrap());
+                assert!(decode_on(isa, &case.params, &[part], dst, stores).unwrap());
             });
             assert!(fast == plain, "{isa:?} differs ({stores:?})");
         }
@@ -152,7 +153,8 @@ proptest! {
             raw[..case.t.bytes()].copy_from_slice(&bytes[at..at + case.t.bytes()]);
             let expected = u32::from_ne_bytes(raw);
             let c = std::array::from_fn(|a| c[a] + region.start[a]);
-            layout.touch(&payload, c);
+            let point = layout.point(c, 0);
+            point.prefetch(&payload);
             prop_assert_eq!(bits(layout.value(&payload, c)), expected);
             prop_assert_eq!(bits(codec.voxel(&payload, case.t, case.brick, c).unwrap()), expected);
         }

@@ -26,6 +26,17 @@ pub enum Stores {
     Streaming,
 }
 
+/// A part of a brick to be decoded.
+#[derive(Clone, Copy, Debug)]
+pub struct BrickPart<'a> {
+    /// The brick's payload.
+    pub payload: &'a [u8],
+    /// Voxels of the brick, per axis.
+    pub brick: Extent,
+    /// The voxels wanted.
+    pub region: Region,
+}
+
 /// How the samples of a brick are stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Codec {
@@ -155,10 +166,29 @@ impl Codec {
         dst: ViewMut<'_>,
         stores: Stores,
     ) -> Result<()> {
-        self.check_decode(payload, brick, region, &dst)?;
+        self.decode_run(&[BrickPart { payload, brick, region: *region }], dst, stores)
+    }
+
+    /// Decodes parts of bricks that lie side by side along x into one destination, in order from its x = 0.
+    ///
+    /// The regions have the same y and z, the destination is as wide as they are together. The result is that of
+    /// decoding one after the other; the time is less, since memory takes long stretches of a row faster than the 64
+    /// bytes that one brick of `u8` may have. Four bricks at a time are enough.
+    ///
+    /// # Errors
+    /// As [`Codec::decode`]; `E_PARAM` also where the regions do not fit together.
+    pub fn decode_run(&self, bricks: &[BrickPart<'_>], mut dst: ViewMut<'_>, stores: Stores) -> Result<()> {
+        self.check_run(bricks, &dst)?;
         match self {
-            Codec::Raw => raw::decode(payload, brick, region, dst),
-            Codec::S3dc(p) => s3dc::decode(&s3dc::Layout::new(p, dst.sample_type, brick), payload, region, dst, stores),
+            Codec::Raw => {
+                let mut x = 0;
+                for b in bricks {
+                    let extent = b.region.extent();
+                    raw::decode(b.payload, b.brick, &b.region, dst.sub(&Region::at([x, 0, 0], extent)));
+                    x += extent.x;
+                }
+            }
+            Codec::S3dc(p) => s3dc::decode(&s3dc::pieces(p, bricks, dst.sample_type), dst, stores),
         }
         Ok(())
     }
@@ -168,7 +198,7 @@ impl Codec {
     /// # Errors
     /// As [`Codec::decode`].
     pub fn decode_plain(&self, payload: &[u8], brick: Extent, region: &Region, dst: ViewMut<'_>) -> Result<()> {
-        self.check_decode(payload, brick, region, &dst)?;
+        self.check_run(&[BrickPart { payload, brick, region: *region }], &dst)?;
         match self {
             Codec::Raw => raw::decode(payload, brick, region, dst),
             Codec::S3dc(p) => s3dc::decode_plain(&s3dc::Layout::new(p, dst.sample_type, brick), payload, region, dst),
@@ -217,15 +247,27 @@ impl Codec {
         ))
     }
 
-    fn check_decode(&self, payload: &[u8], brick: Extent, region: &Region, dst: &ViewMut<'_>) -> Result<()> {
+    fn check_run(&self, bricks: &[BrickPart<'_>], dst: &ViewMut<'_>) -> Result<()> {
         self.supports(dst.sample_type)?;
-        self.check_len(payload, dst.sample_type, brick)?;
-        region.check(brick)?;
-        if dst.extent != region.extent() {
-            return Err(Error::param(
-                "dst",
-                format!("the destination holds {}, the region {}", dst.extent, region.extent()),
-            ));
+        let mut x = 0u32;
+        for BrickPart { payload, brick, region } in bricks {
+            self.check_len(payload, dst.sample_type, *brick)?;
+            region.check(*brick)?;
+            x = x.saturating_add(region.extent().x);
+            let first = bricks[0].region;
+            if region.start[1..] != first.start[1..] || region.end[1..] != first.end[1..] {
+                return Err(Error::param("region", format!("{region} does not lie beside {first}")));
+            }
+        }
+        let covered = bricks.first().map(|b| Extent { x, ..b.region.extent() });
+        if covered != Some(dst.extent) {
+            let found = covered.map_or("nothing".to_string(), |e| e.to_string());
+            return Err(Error::param("dst", format!("the destination holds {}, the region {found}", dst.extent)));
+        }
+        let row = dst.extent.x as usize * dst.sample_type.bytes();
+        let slice = (dst.extent.y as usize - 1).saturating_mul(dst.row_pitch).saturating_add(row);
+        if dst.extent.y > 1 && dst.row_pitch < row || dst.extent.z > 1 && dst.slice_pitch < slice {
+            return Err(Error::param("dst", "rows of the destination overlap: a pitch is too small"));
         }
         check_view(dst.bytes.len(), dst.extent, dst.sample_type, dst.row_pitch, dst.slice_pitch)
     }

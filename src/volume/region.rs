@@ -4,7 +4,7 @@ use super::bricks::{Found, Payload};
 use super::codecs::Entry;
 use super::open::Volume;
 use super::{At, Axis};
-use crate::codec::Codec;
+use crate::codec::{BrickPart, Codec, Stores};
 use crate::container::NodeKind;
 use crate::error::{Code, Error, Result};
 use crate::geometry::{Coord, Extent, Region};
@@ -17,6 +17,10 @@ use rayon::prelude::*;
 const MERGE_GAP: u64 = 512;
 /// Longest merged read, in bytes.
 const MERGE_MAX: u64 = 8 << 20;
+/// Bricks that are decoded side by side at most.
+const SIDE_BY_SIDE: usize = 4;
+/// Results from this size on do not fit a cache: they are written past it.
+const STREAMING_BYTES: usize = 8 << 20;
 /// Payload bytes held in copies at a time while a region is read.
 const STAGE_BYTES: u64 = 256 << 20;
 
@@ -242,6 +246,7 @@ fn copied_bytes(part: &Part<'_>) -> u64 {
 /// Decodes all parts of `region` into `dst`, in bands of z that threads share out.
 fn decode_parts(parts: &[Part<'_>], dst: ViewMut<'_>, region: &Region) -> Result<()> {
     let depth = region.extent().z;
+    let large = dst.bytes.len() >= STREAMING_BYTES;
     // One thread walks each brick once; several take thinner bands, so that there is work for all.
     let threads = u32::try_from(rayon::current_num_threads()).unwrap_or(1);
     let band = if threads == 1 { depth } else { depth.div_ceil(threads * 4).next_multiple_of(16) };
@@ -254,21 +259,38 @@ fn decode_parts(parts: &[Part<'_>], dst: ViewMut<'_>, region: &Region) -> Result
         bands.push((z, now));
         (rest, z) = (later, z + height);
     }
+    let stores = if large { Stores::Streaming } else { Stores::Cached };
     bands.into_par_iter().try_for_each(|(z, mut dst)| {
         let end = z + dst.extent.z;
         let band = Region { start: [region.start[0], region.start[1], z], end: [region.end[0], region.end[1], end] };
-        parts.iter().try_for_each(|part| {
-            let wanted = part.region.intersect(&band);
-            if wanted.is_empty() {
-                return Ok(());
-            }
-            decode_part(part, &wanted, dst.sub(&relative(&wanted, band.start)))
-        })
+        let wanted = parts.iter().map(|part| (part, part.region.intersect(&band)));
+        let wanted: Vec<_> = wanted.filter(|(_, region)| !region.is_empty()).collect();
+        let mut rest = &wanted[..];
+        while let Some(run) = rest.get(..run_len(rest)).filter(|run| !run.is_empty()) {
+            let (first, last) = (run[0].1, run[run.len() - 1].1);
+            let all = Region { start: first.start, end: last.end };
+            decode_run(run, dst.sub(&relative(&all, band.start)), stores)?;
+            rest = &rest[run.len()..];
+        }
+        Ok(())
     })
 }
 
-fn decode_part(part: &Part<'_>, wanted: &Region, mut dst: ViewMut<'_>) -> Result<()> {
-    match &part.content {
+/// How many parts at the front lie side by side along x and are coded alike, so that they are decoded in one go.
+fn run_len(parts: &[(&Part<'_>, Region)]) -> usize {
+    let Some((first, region)) = parts.first() else { return 0 };
+    let Content::Stored { entry, .. } = &first.content else { return 1 };
+    let beside = |pair: &&[(&Part<'_>, Region)]| {
+        let (before, (part, next)) = (pair[0].1, pair[1]);
+        let same_rows = next.start[1..] == region.start[1..] && next.end[1..] == region.end[1..];
+        let alike = matches!(&part.content, Content::Stored { entry: other, .. } if std::ptr::eq(*entry, *other));
+        same_rows && alike && next.start[0] == before.end[0]
+    };
+    1 + parts.windows(2).take(SIDE_BY_SIDE - 1).take_while(beside).count()
+}
+
+fn decode_run(run: &[(&Part<'_>, Region)], mut dst: ViewMut<'_>, stores: Stores) -> Result<()> {
+    match &run[0].0.content {
         Content::Constant(value) => {
             match *value {
                 SampleValue::U8(v) => dst.fill(v),
@@ -279,9 +301,17 @@ fn decode_part(part: &Part<'_>, wanted: &Region, mut dst: ViewMut<'_>) -> Result
             }
             Ok(())
         }
-        Content::Stored { entry, extent, payload, .. } => {
-            let payload = payload.as_ref().expect("fetched before it is decoded");
-            entry.codec.decode(payload, *extent, &relative(wanted, part.origin), dst)
+        Content::Stored { entry, .. } => {
+            let bricks: Vec<BrickPart<'_>> = run
+                .iter()
+                .filter_map(|(part, wanted)| match &part.content {
+                    Content::Stored { extent, payload: Some(payload), .. } => {
+                        Some(BrickPart { payload, brick: *extent, region: relative(wanted, part.origin) })
+                    }
+                    _ => None,
+                })
+                .collect();
+            entry.codec.decode_run(&bricks, dst, stores)
         }
     }
 }

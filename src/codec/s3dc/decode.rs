@@ -1,36 +1,49 @@
 //! Plain scalar decoding: a transcription of the spec (chapter 8, §5), and the choice of a faster path.
 
-use super::fast::{self, Isa, Job};
+use super::fast::{self, Isa, Job, Piece};
 use super::{Layout, Params, Scalar, with_scalar};
-use crate::codec::{Codec, Stores};
+use crate::codec::{BrickPart, Codec, Stores};
 use crate::error::Result;
-use crate::geometry::{Extent, Region};
+use crate::geometry::Region;
 use crate::grid::ViewMut;
+use crate::voxel::SampleType;
 
-/// Decodes `region` by the fastest path of this machine. Lengths, region and view have been checked.
-pub fn decode(layout: &Layout, payload: &[u8], region: &Region, dst: ViewMut<'_>, stores: Stores) {
-    if let Err(job) = fast::decode(Job { layout, payload, region, dst, stores }) {
-        decode_plain(job.layout, job.payload, job.region, job.dst);
+/// Decodes pieces by the fastest path of this machine. Lengths, regions and view have been checked.
+pub fn decode(pieces: &[Piece<'_>], dst: ViewMut<'_>, stores: Stores) {
+    if let Err(job) = fast::decode(Job { pieces, dst, stores }) {
+        let mut dst = job.dst;
+        for Piece { layout, payload, region, x } in pieces {
+            decode_plain(layout, payload, region, dst.sub(&Region::at([*x, 0, 0], region.extent())));
+        }
     }
 }
 
 /// Decodes on one instruction set, whatever the size: for tests and benches. `false` where the machine does not have it.
 ///
 /// # Errors
-/// As [`Codec::decode`](crate::codec::Codec::decode).
+/// As [`Codec::decode_run`].
 #[doc(hidden)]
 pub fn decode_on(
     isa: Isa,
     params: &Params,
-    payload: &[u8],
-    brick: Extent,
-    region: &Region,
+    bricks: &[BrickPart<'_>],
     dst: ViewMut<'_>,
     stores: Stores,
 ) -> Result<bool> {
-    Codec::S3dc(*params).check_decode(payload, brick, region, &dst)?;
-    let layout = Layout::new(params, dst.sample_type, brick);
-    Ok(fast::decode_on(isa, Job { layout: &layout, payload, region, dst, stores }).is_ok())
+    Codec::S3dc(*params).check_run(bricks, &dst)?;
+    let pieces = pieces(params, bricks, dst.sample_type);
+    Ok(fast::decode_on(isa, Job { pieces: &pieces, dst, stores }).is_ok())
+}
+
+/// The pieces of bricks that lie side by side.
+pub fn pieces<'a>(params: &Params, bricks: &[BrickPart<'a>], t: SampleType) -> Vec<Piece<'a>> {
+    let mut at = 0;
+    let piece = |b: &BrickPart<'a>| {
+        let x = at;
+        at += b.region.extent().x;
+        Piece { layout: Layout::new(params, t, b.brick), payload: b.payload, region: b.region, x }
+    };
+    bricks.iter().map(piece).collect()
 }
 
 /// Decodes `region` voxel by voxel. Lengths, region and view have been checked.

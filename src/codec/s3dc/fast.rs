@@ -5,6 +5,8 @@
 //! The plain decoder is the judge: results are equal to the bit, for damaged payloads too.
 
 use super::Layout;
+use super::fast_rows::{Grid2, Rows};
+use super::fast_tables::BlockRow;
 use crate::codec::Stores;
 use crate::geometry::Region;
 use crate::grid::ViewMut;
@@ -13,6 +15,10 @@ use crate::grid::ViewMut;
 pub const CHUNK: usize = 256;
 /// Voxels that a kernel decodes at a time. What is left of a row goes through a small buffer.
 pub const STEP: usize = 32;
+/// Pieces that are decoded together, and rows of each at a time.
+const SIDE_BY_SIDE: usize = 4;
+/// See [`SIDE_BY_SIDE`].
+const ROWS_AT_A_TIME: u32 = 16;
 /// Regions below this many voxels are not worth the tables.
 const MIN_VOXELS: u64 = 256;
 
@@ -39,14 +45,23 @@ impl Isa {
     }
 }
 
-/// One brick, or part of it, to be decoded. Lengths, region and view have been checked.
-pub struct Job<'a> {
+/// A brick, or a part of it.
+#[derive(Clone, Copy)]
+pub struct Piece<'a> {
     /// Shape of the payload.
-    pub layout: &'a Layout,
+    pub layout: Layout,
     /// The payload.
     pub payload: &'a [u8],
     /// The voxels wanted.
-    pub region: &'a Region,
+    pub region: Region,
+    /// Where they start in the destination along x.
+    pub x: u32,
+}
+
+/// Pieces to be decoded side by side: their regions have the same y and z. Lengths, regions and view have been checked.
+pub struct Job<'a> {
+    /// The pieces, all of one type and with the same parameters.
+    pub pieces: &'a [Piece<'a>],
     /// Where they go.
     pub dst: ViewMut<'a>,
     /// How to write them.
@@ -56,7 +71,7 @@ pub struct Job<'a> {
 /// Decodes on the best instruction set of this machine. Gives the job back where there is none or it is too small.
 pub fn decode(job: Job<'_>) -> Result<(), Job<'_>> {
     match Isa::available().first() {
-        Some(&isa) if job.region.extent().voxels() >= MIN_VOXELS => decode_on(isa, job),
+        Some(&isa) if job.dst.extent.voxels() >= MIN_VOXELS => decode_on(isa, job),
         _ => Err(job),
     }
 }
@@ -80,114 +95,126 @@ pub fn decode_on(isa: Isa, job: Job<'_>) -> Result<(), Job<'_>> {
 pub trait Kernel {
     /// Bytes of a sample.
     const BYTES: usize;
+    /// Bits of an index.
+    const I: usize;
 
-    /// Reads the end points of the blocks `(by, bz)` that cover `voxels` voxels from `x0`, a multiple of 64.
-    /// `false` where a pair needs the plain decoder.
-    fn prepare(&mut self, layout: &Layout, payload: &[u8], x0: u32, voxels: usize, block_yz: [u32; 2]) -> bool;
+    /// Reads the end points of a row of blocks, for the rows that follow. `false` where a pair needs the plain decoder.
+    fn prepare(&mut self, blocks: &BlockRow<'_>) -> bool;
 
-    /// Decodes rows of the blocks that were prepared last.
-    fn rows(&self, rows: Rows<'_>);
+    /// Decodes rows of the blocks that were prepared last, in steps of [`STEP`] voxels from their first one: a row of
+    /// samples is `STEP · BYTES` bytes per step, at most [`CHUNK`] voxels, its words are `STEP · I / 8` bytes per step.
+    fn rows(&self, rows: Rows<'_>, stores: Stores);
 }
 
-/// Rows (y, z) of one row of blocks: the same part of each, at most [`CHUNK`] voxels.
-pub struct Rows<'a> {
-    /// Words, from those of the first row.
-    pub words: &'a [u8],
-    /// Bytes of words of one row, and from one row and slice to the next.
-    pub words_len: usize,
-    /// See `words_len`.
-    pub words_pitch: [usize; 2],
-    /// Samples, from those of the first row.
-    pub out: &'a mut [u8],
-    /// Bytes of samples of one row, and from one row and slice to the next.
-    pub out_len: usize,
-    /// See `out_len`.
-    pub out_pitch: [usize; 2],
-    /// Rows along y and z.
-    pub count: [usize; 2],
-    /// How to write them.
-    pub stores: Stores,
+/// At most [`CHUNK`] voxels of the rows of a piece.
+#[derive(Clone, Copy)]
+struct Strip<'a> {
+    piece: Piece<'a>,
+    /// First and one past the last voxel of the brick that is decoded; the first is a multiple of 64.
+    x: [u32; 2],
+    /// First voxel that is wanted.
+    wanted: u32,
 }
 
-impl Rows<'_> {
-    /// Calls `row(words, out)` for every row.
-    #[inline(always)]
-    pub fn for_each(self, mut row: impl FnMut(&[u8], &mut [u8])) {
-        for z in 0..self.count[1] {
-            for y in 0..self.count[0] {
-                let words = &self.words[y * self.words_pitch[0] + z * self.words_pitch[1]..][..self.words_len];
-                let out = &mut self.out[y * self.out_pitch[0] + z * self.out_pitch[1]..][..self.out_len];
-                row(words, out);
-            }
-        }
+impl<'a> Piece<'a> {
+    fn strips(&self) -> impl Iterator<Item = Strip<'a>> + use<'a> {
+        let (piece, [x0, x1]) = (*self, [self.region.start[0], self.region.end[0]]);
+        (x0 & !63..x1).step_by(CHUNK).map(move |x| Strip { piece, x: [x, x1.min(x + CHUNK as u32)], wanted: x0.max(x) })
     }
 }
 
-/// Walks over the rows of blocks of a job. Inlined into a function that has the instruction set of the kernel.
-#[inline(always)]
-pub fn drive<K: Kernel>(kernel: &mut K, job: Job<'_>) {
-    let Job { layout, payload, region, dst, stores } = job;
+/// Walks over the rows of blocks of a job.
+///
+/// Pieces that lie side by side are decoded a few rows of each at a time: neighbouring cache lines of the destination are
+/// then written soon after each other, which memory takes twice as fast as lone lines.
+pub fn drive<K: Kernel>(new: impl Fn() -> K, mut job: Job<'_>) {
+    let mut kernels: Vec<K> = Vec::new();
+    let mut strips = job.pieces.iter().flat_map(Piece::strips);
+    while let Some(first) = strips.next() {
+        let mut group = [first; SIDE_BY_SIDE];
+        let mut count = 1;
+        while count < SIDE_BY_SIDE
+            && let Some(strip) = strips.next()
+        {
+            group[count] = strip;
+            count += 1;
+        }
+        while kernels.len() < count {
+            kernels.push(new());
+        }
+        walk(&mut kernels, &group[..count], &mut job.dst, job.stores);
+    }
+}
+
+fn walk<K: Kernel>(kernels: &mut [K], strips: &[Strip<'_>], dst: &mut ViewMut<'_>, stores: Stores) {
+    let Piece { layout, region, .. } = strips[0].piece;
     let edge = layout.params().block();
-    let row_bytes = layout.row_words() * 2;
-    let words_pitch = [row_bytes, row_bytes * layout.brick().y as usize];
-    let out_pitch = [dst.row_pitch, dst.slice_pitch];
-    let [rx0, ry0, rz0] = region.start;
-    let [rx1, ry1, rz1] = region.end;
-    for x0 in (rx0 & !63..rx1).step_by(CHUNK) {
-        let x1 = rx1.min(x0.saturating_add(CHUNK as u32));
-        let wanted = rx0.max(x0);
-        let skip = (wanted - x0) as usize * K::BYTES;
-        let out_len = (x1 - x0) as usize * K::BYTES;
-        let words_at = 2 * (x0 / layout.indices_per_word()) as usize;
-        let words_len = 2 * (x1 - x0).div_ceil(layout.indices_per_word()) as usize;
-        for bz in rz0 / edge.z..rz1.div_ceil(edge.z) {
-            let z = rz0.max(bz * edge.z)..rz1.min((bz + 1) * edge.z);
-            for by in ry0 / edge.y..ry1.div_ceil(edge.y) {
-                let y = ry0.max(by * edge.y)..ry1.min((by + 1) * edge.y);
-                let fast = kernel.prepare(layout, payload, x0, (x1 - x0) as usize, [by, bz]);
-                let words = &payload[layout.row_at(y.start, z.start) + words_at..];
-                let at = (y.start - ry0) as usize * out_pitch[0] + (z.start - rz0) as usize * out_pitch[1];
-                let out = &mut dst.bytes[at + (wanted - rx0) as usize * K::BYTES..];
-                let count = [y.len(), z.len()];
-                let rows =
-                    Rows { words, words_len, words_pitch, out, out_len: out_len - skip, out_pitch, count, stores };
-                if !fast {
-                    plain_rows(layout, payload, [wanted, y.start, z.start], rows);
-                } else if skip == 0 {
-                    kernel.rows(rows);
-                } else {
-                    rows.for_each(|words, out| {
-                        let buffer = &mut [0; CHUNK * 4];
-                        let (out_pitch, count, stores) = ([0; 2], [1; 2], Stores::Cached);
-                        kernel.rows(Rows {
-                            words,
-                            words_len,
-                            words_pitch,
-                            out: buffer,
-                            out_len,
-                            out_pitch,
-                            count,
-                            stores,
-                        });
-                        out.copy_from_slice(&buffer[skip..out_len]);
-                    });
+    let [_, y0, z0] = region.start;
+    let [_, y1, z1] = region.end;
+    let mut fast = [true; SIDE_BY_SIDE];
+    for bz in z0 / edge.z..z1.div_ceil(edge.z) {
+        for by in y0 / edge.y..y1.div_ceil(edge.y) {
+            for ((strip, kernel), fast) in strips.iter().zip(kernels.iter_mut()).zip(&mut fast) {
+                let Strip { piece, x, .. } = strip;
+                *fast = kernel.prepare(&BlockRow::new(&piece.layout, piece.payload, *x, [by, bz]));
+            }
+            let (y_end, z_end) = (y1.min((by + 1) * edge.y), z1.min((bz + 1) * edge.z));
+            let ys = edge.y.min(ROWS_AT_A_TIME);
+            let zs = ROWS_AT_A_TIME / ys;
+            for z in (z0.max(bz * edge.z)..z_end).step_by(zs as usize) {
+                for y in (y0.max(by * edge.y)..y_end).step_by(ys as usize) {
+                    let rows = Region { start: [0, y, z], end: [0, y_end.min(y + ys), z_end.min(z + zs)] };
+                    for ((strip, kernel), fast) in strips.iter().zip(kernels.iter()).zip(&fast) {
+                        strip.rows(kernel, *fast, &rows, dst, stores);
+                    }
                 }
             }
         }
     }
 }
 
-/// Rows of floats with end points that only the plain decoder treats right.
+impl Strip<'_> {
+    /// Decodes rows of the brick into their places in the destination.
+    fn rows<K: Kernel>(&self, kernel: &K, fast: bool, rows: &Region, dst: &mut ViewMut<'_>, stores: Stores) {
+        let Strip { piece: Piece { layout, payload, region, x: out_x }, x: [x0, x1], wanted } = *self;
+        let [_, y0, z0] = rows.start;
+        let voxels = (x1 - x0) as usize;
+        let words_at = layout.row_at(y0, z0) + 2 * (x0 / layout.indices_per_word()) as usize;
+        let words = Grid2 {
+            len: 2 * (x1 - x0).div_ceil(layout.indices_per_word()) as usize,
+            pitch: [1, layout.brick().y as usize].map(|rows| rows * 2 * layout.row_words()),
+        };
+        let out_at = (y0 - region.start[1]) as usize * dst.row_pitch
+            + (z0 - region.start[2]) as usize * dst.slice_pitch
+            + (out_x + wanted - region.start[0]) as usize * K::BYTES;
+        let out = Grid2 { len: (x1 - wanted) as usize * K::BYTES, pitch: [dst.row_pitch, dst.slice_pitch] };
+        let count = [1, 2].map(|a| (rows.end[a] - rows.start[a]) as usize);
+        let rows = Rows::new((&payload[words_at..], words), (&mut dst.bytes[out_at..], out), count);
+        if fast && wanted == x0 && voxels % STEP == 0 {
+            return kernel.rows(rows, stores);
+        }
+        // What does not start or end with a whole step goes through buffers.
+        let (mut all_words, mut all_out) = ([0; CHUNK], [0; 4 * CHUNK]);
+        let steps = voxels.div_ceil(STEP);
+        let lens = [steps * STEP * K::I / 8, steps * STEP * K::BYTES].map(|len| Grid2 { len, pitch: [0; 2] });
+        for (k, (words, out)) in rows.enumerate() {
+            if fast {
+                all_words[..words.len()].copy_from_slice(words);
+                kernel.rows(Rows::new((&all_words, lens[0]), (&mut all_out, lens[1]), [1; 2]), Stores::Cached);
+                out.copy_from_slice(&all_out[(wanted - x0) as usize * K::BYTES..voxels * K::BYTES]);
+            } else {
+                plain_row(&layout, payload, [wanted, y0 + (k % count[0]) as u32, z0 + (k / count[0]) as u32], out);
+            }
+        }
+    }
+}
+
+/// A row of floats with end points that only the plain decoder treats right.
 #[cold]
 #[inline(never)]
-fn plain_rows(layout: &Layout, payload: &[u8], [x, y, z]: [u32; 3], rows: Rows<'_>) {
-    let per_slice = rows.count[0] as u32;
-    let mut k = 0;
-    rows.for_each(|_, out| {
-        for (x, sample) in (x..).zip(out.chunks_exact_mut(4)) {
-            let value: f32 = layout.voxel(payload, [x, y + k % per_slice, z + k / per_slice]);
-            sample.copy_from_slice(&value.to_ne_bytes());
-        }
-        k += 1;
-    });
+fn plain_row(layout: &Layout, payload: &[u8], [x, y, z]: [u32; 3], out: &mut [u8]) {
+    for (x, sample) in (x..).zip(out.chunks_exact_mut(4)) {
+        let value: f32 = layout.voxel(payload, [x, y, z]);
+        sample.copy_from_slice(&value.to_ne_bytes());
+    }
 }

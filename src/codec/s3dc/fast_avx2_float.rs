@@ -4,10 +4,11 @@
 //! from these palettes with lane permutes. At 8 bits the formula itself is evaluated, in f64 and in the same order.
 #![allow(unsafe_code, reason = "loads and stores of vectors, and calls of functions that need AVX2")]
 
-use super::fast::{CHUNK, Kernel, Rows, STEP};
-use super::fast_avx2::{Avx2, load, part, store};
+use super::Scalar;
+use super::fast::{CHUNK, Kernel};
+use super::fast_avx2::{Avx2, Out, first, load};
+use super::fast_rows::Rows;
 use super::fast_tables::{BlockRow, Table};
-use super::{Layout, Scalar};
 use crate::codec::Stores;
 use std::arch::x86_64::*;
 
@@ -42,6 +43,16 @@ pub fn palettes<const I: usize>(blocks: &BlockRow<'_>, out: &mut [Palette; CHUNK
     fine
 }
 
+/// The numbers of the blocks of a row.
+static NUMBERS: Table<u8> = Table({
+    let (mut numbers, mut b) = ([0; CHUNK], 0);
+    while b < CHUNK {
+        numbers[b] = b as u8;
+        b += 1;
+    }
+    numbers
+});
+
 /// Rows of `f32` with up to 4 index bits.
 pub struct FloatPalette<const I: usize> {
     token: Avx2,
@@ -61,134 +72,124 @@ impl<const I: usize> FloatPalette<I> {
 
 impl<const I: usize> Kernel for FloatPalette<I> {
     const BYTES: usize = 4;
+    const I: usize = I;
 
-    #[inline(always)]
-    fn prepare(&mut self, layout: &Layout, payload: &[u8], x0: u32, voxels: usize, block_yz: [u32; 2]) -> bool {
-        let blocks = BlockRow::new(layout, payload, x0, voxels, block_yz);
-        self.edge = blocks.edge;
-        let numbers = Table(std::array::from_fn(|b| b as u8));
-        blocks.spread(&numbers, 1, &mut self.of);
-        palettes::<I>(&blocks, &mut self.palettes)
+    fn prepare(&mut self, blocks: &BlockRow<'_>) -> bool {
+        // SAFETY: the token proves that the machine has AVX2.
+        unsafe { self.prepare_avx2(blocks) }
     }
 
-    #[inline(always)]
-    fn rows(&self, rows: Rows<'_>) {
-        let _ = self.token;
+    fn rows(&self, rows: Rows<'_>, stores: Stores) {
         // SAFETY: the token proves that the machine has AVX2.
-        unsafe { self.rows_avx2(rows) }
+        unsafe { self.rows_avx2(rows, stores) }
     }
 }
 
 impl<const I: usize> FloatPalette<I> {
     #[target_feature(enable = "avx2")]
-    fn rows_avx2(&self, rows: Rows<'_>) {
-        match rows.stores {
-            Stores::Cached => rows.for_each(|words, out| self.row::<false>(words, out)),
-            Stores::Streaming => rows.for_each(|words, out| self.row::<true>(words, out)),
-        }
+    fn prepare_avx2(&mut self, blocks: &BlockRow<'_>) -> bool {
+        self.edge = blocks.edge;
+        blocks.spread(&NUMBERS, 1, &mut self.of);
+        palettes::<I>(blocks, &mut self.palettes)
     }
 
-    #[inline]
     #[target_feature(enable = "avx2")]
-    fn row<const STREAM: bool>(&self, words: &[u8], out: &mut [u8]) {
-        let (whole, rest) = out.as_chunks_mut::<{ 4 * STEP }>();
-        for (k, out) in whole.iter_mut().enumerate() {
-            self.step::<STREAM>(&words[k * 4 * I..][..4 * I], k, out);
-        }
-        if !rest.is_empty() {
-            let mut last = [0; STEP];
-            let left = &words[whole.len() * 4 * I..];
-            last[..left.len()].copy_from_slice(left);
-            let mut buffer = [0; 4 * STEP];
-            self.step::<false>(&last[..4 * I], whole.len(), &mut buffer);
-            rest.copy_from_slice(&buffer[..rest.len()]);
-        }
-    }
-
-    /// Voxels `32·k` to `32·k + 31` of the row.
-    #[inline]
-    #[target_feature(enable = "avx2")]
-    fn step<const STREAM: bool>(&self, words: &[u8], k: usize, out: &mut [u8; 4 * STEP]) {
-        if self.edge % 4 != 0 {
-            return self.step_any(words, k, out);
-        }
-        let of: &[u8; STEP] = part(&self.of.0, k);
-        for (j, out) in out.as_chunks_mut::<32>().0.iter_mut().enumerate() {
-            let bits = group::<I>(words, j);
-            let shifts = _mm256_mullo_epi32(_mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7), _mm256_set1_epi32(I as i32));
-            let idx = _mm256_srlv_epi32(_mm256_set1_epi32(bits), shifts); // the low I bits; what is above them differs
-            let first = &self.palettes[usize::from(of[8 * j])];
-            let v = if self.edge % 8 == 0 {
-                pick::<I>(first, idx)
-            } else {
-                let second = &self.palettes[usize::from(of[8 * j + 4])];
-                _mm256_blend_ps::<0xF0>(pick::<I>(first, idx), pick::<I>(second, idx))
-            };
-            store::<STREAM>(out, _mm256_castps_si256(v));
-        }
-    }
-
-    /// Blocks of any edge, one lookup per voxel.
-    #[inline]
-    #[target_feature(enable = "avx2")]
-    fn step_any(&self, words: &[u8], k: usize, out: &mut [u8; 4 * STEP]) {
-        let of: &[u8; STEP] = part(&self.of.0, k);
-        let palettes: &[f32] = self.palettes.as_flattened();
-        for (j, out) in out.as_chunks_mut::<32>().0.iter_mut().enumerate() {
-            let bits = group::<I>(words, j).cast_unsigned();
-            for (x, out) in out.as_chunks_mut::<4>().0.iter_mut().enumerate() {
-                let idx = bits >> (x * I) & ((1 << I) - 1);
-                *out = palettes[usize::from(of[8 * j + x]) * 16 + idx as usize].to_ne_bytes();
+    fn rows_avx2(&self, rows: Rows<'_>, stores: Stores) {
+        let (t, of, palettes) = (self.token, self.of.0.as_chunks::<8>().0, &self.palettes);
+        let eights = rows.words_len() / I;
+        if self.edge % 8 == 0 {
+            for (words, out) in rows {
+                let mut out = Out::new(out, stores);
+                for k in 0..eights {
+                    let palette = &palettes[usize::from(of[k][0])];
+                    out.put(t, k, pick::<I>(t, palette, lanes::<I>(t, words, k)));
+                }
+            }
+        } else if self.edge % 4 == 0 {
+            for (words, out) in rows {
+                let mut out = Out::new(out, stores);
+                for k in 0..eights {
+                    let (idx, of) = (lanes::<I>(t, words, k), of[k]);
+                    let (left, right) = (&palettes[usize::from(of[0])], &palettes[usize::from(of[4])]);
+                    let v = _mm256_blend_epi32::<0xF0>(pick::<I>(t, left, idx), pick::<I>(t, right, idx));
+                    out.put(t, k, v);
+                }
+            }
+        } else {
+            // Blocks of any edge, one lookup per voxel.
+            for (words, out) in rows {
+                for (k, (out, of)) in out.as_chunks_mut::<32>().0.iter_mut().zip(of).enumerate() {
+                    let mut bits = group::<I>(words, k);
+                    for (out, of) in out.as_chunks_mut::<4>().0.iter_mut().zip(of) {
+                        *out = palettes[usize::from(*of)][(bits & ((1 << I) - 1)) as usize].to_ne_bytes();
+                        bits >>= I;
+                    }
+                }
             }
         }
     }
 }
 
-/// The bits of 8 indices, lowest first.
+/// The bits of the `k`-th eight indices, lowest first.
 #[inline(always)]
-fn group<const I: usize>(words: &[u8], j: usize) -> i32 {
+fn group<const I: usize>(words: &[u8], k: usize) -> u32 {
     match I {
-        1 => i32::from(words[j]),
-        2 => i32::from(u16::from_le_bytes(*part(words, j))),
-        _ => i32::from_le_bytes(*part(words, j)),
+        1 => u32::from(words[k]),
+        2 => u32::from(u16::from_le_bytes(*first(&words[2 * k..]))),
+        _ => u32::from_le_bytes(*first(&words[4 * k..])),
+    }
+}
+
+/// The `k`-th eight indices in the low `I` bits of 32-bit lanes, with other bits above them.
+#[inline(always)]
+fn lanes<const I: usize>(_: Avx2, words: &[u8], k: usize) -> __m256i {
+    let i = I as i32;
+    // SAFETY: the token proves AVX2.
+    unsafe {
+        let shifts = _mm256_setr_epi32(0, i, 2 * i, 3 * i, 4 * i, 5 * i, 6 * i, 7 * i);
+        _mm256_srlv_epi32(_mm256_set1_epi32(group::<I>(words, k).cast_signed()), shifts)
     }
 }
 
 /// The palette's values at the low `I` bits of every lane.
-#[inline]
-#[target_feature(enable = "avx2")]
-fn pick<const I: usize>(palette: &Palette, idx: __m256i) -> __m256 {
-    let halves: &[[u8; 32]; 2] = bytemuck::cast_ref(palette);
-    if I == 4 {
-        // A permute looks at three bits; the fourth, moved to the sign, chooses the half.
-        let low = _mm256_permutevar8x32_ps(_mm256_castsi256_ps(load(&halves[0])), idx);
-        let high = _mm256_permutevar8x32_ps(_mm256_castsi256_ps(load(&halves[1])), idx);
-        _mm256_blendv_ps(low, high, _mm256_castsi256_ps(_mm256_slli_epi32::<28>(idx)))
-    } else {
-        let idx = _mm256_and_si256(idx, _mm256_set1_epi32((1 << I) - 1));
-        _mm256_permutevar8x32_ps(_mm256_castsi256_ps(load(&halves[0])), idx)
+#[inline(always)]
+fn pick<const I: usize>(token: Avx2, palette: &Palette, idx: __m256i) -> __m256i {
+    let [low, high]: &[[u8; 32]; 2] = bytemuck::cast_ref(palette);
+    // SAFETY: the token proves AVX2.
+    unsafe {
+        if I == 4 {
+            // A permute looks at three bits; the fourth, moved to the sign, chooses the half.
+            let low = _mm256_permutevar8x32_epi32(load(token, low), idx);
+            let high = _mm256_permutevar8x32_epi32(load(token, high), idx);
+            let sign = _mm256_castsi256_ps(_mm256_slli_epi32::<28>(idx));
+            let v = _mm256_blendv_ps(_mm256_castsi256_ps(low), _mm256_castsi256_ps(high), sign);
+            _mm256_castps_si256(v)
+        } else {
+            let idx = _mm256_and_si256(idx, _mm256_set1_epi32((1 << I) - 1));
+            _mm256_permutevar8x32_epi32(load(token, low), idx)
+        }
     }
 }
 
 /// Rows of `f32` with 8 index bits.
 pub struct FloatBytes {
+    _token: Avx2,
     min: Table<f64>,
     max: Table<f64>,
 }
 
 impl FloatBytes {
     /// Empty tables.
-    pub fn new(_: Avx2) -> Self {
-        FloatBytes { min: Table::default(), max: Table::default() }
+    pub fn new(token: Avx2) -> Self {
+        FloatBytes { _token: token, min: Table::default(), max: Table::default() }
     }
 }
 
 impl Kernel for FloatBytes {
     const BYTES: usize = 4;
+    const I: usize = 8;
 
-    #[inline(always)]
-    fn prepare(&mut self, layout: &Layout, payload: &[u8], x0: u32, voxels: usize, block_yz: [u32; 2]) -> bool {
-        let blocks = BlockRow::new(layout, payload, x0, voxels, block_yz);
+    fn prepare(&mut self, blocks: &BlockRow<'_>) -> bool {
         let (mut min, mut max) = (Table([0f64; CHUNK]), Table([0f64; CHUNK]));
         let mut fine = true;
         blocks.for_each::<f32>(|b, lo, hi| {
@@ -201,15 +202,22 @@ impl Kernel for FloatBytes {
         fine
     }
 
+    fn rows(&self, rows: Rows<'_>, _: Stores) {
+        // SAFETY: the token proves that the machine has AVX2.
+        unsafe { self.rows_avx2(rows) }
+    }
+}
+
+impl FloatBytes {
     /// Plain code: the compiler makes vectors of it, and never fuses multiplications with additions.
-    #[inline(always)]
-    fn rows(&self, rows: Rows<'_>) {
-        rows.for_each(|words, out| {
+    #[target_feature(enable = "avx2")]
+    fn rows_avx2(&self, rows: Rows<'_>) {
+        for (words, out) in rows {
             let ends = self.min.0.iter().zip(&self.max.0);
             for ((out, idx), (lo, hi)) in out.as_chunks_mut::<4>().0.iter_mut().zip(words).zip(ends) {
                 let a = f64::from(*idx) / 255.0;
                 *out = (((1.0 - a) * lo + a * hi) as f32).to_ne_bytes();
             }
-        });
+        }
     }
 }

@@ -15,7 +15,7 @@ impl<V: Copy + Default> Default for Table<V> {
     }
 }
 
-/// The blocks that cover `voxels` voxels from `x0` in row of blocks `block_yz`.
+/// The blocks that cover voxels x0 to x1 − 1 in a row of blocks.
 pub struct BlockRow<'a> {
     /// Their stored pairs.
     pub pairs: &'a [u8],
@@ -28,12 +28,12 @@ pub struct BlockRow<'a> {
 }
 
 impl<'a> BlockRow<'a> {
-    /// Finds the pairs in the payload.
+    /// Finds the pairs of row (by, bz) in the payload.
     #[inline(always)]
-    pub fn new(layout: &Layout, payload: &'a [u8], x0: u32, voxels: usize, [by, bz]: [u32; 2]) -> Self {
+    pub fn new(layout: &Layout, payload: &'a [u8], [x0, x1]: [u32; 2], [by, bz]: [u32; 2]) -> Self {
         let edge = layout.params().block().x;
         let first = x0 / edge;
-        let last = (x0 + voxels as u32 - 1) / edge;
+        let last = (x1 - 1) / edge;
         let count = (last - first + 1) as usize;
         let at = layout.mmv_at([first, by, bz]);
         BlockRow {

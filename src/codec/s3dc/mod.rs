@@ -23,6 +23,7 @@ mod fast;
 mod fast_avx2;
 #[cfg(target_arch = "x86_64")]
 mod fast_avx2_float;
+mod fast_rows;
 mod fast_tables;
 mod layout;
 mod params;
@@ -39,7 +40,7 @@ pub use scalar::Scalar;
 
 pub(super) use check::check;
 pub use decode::decode_on;
-pub(super) use decode::{decode, decode_plain};
+pub(super) use decode::{decode, decode_plain, pieces};
 pub(super) use encode::encode;
 
 /// Number of the codec in the codec table.
