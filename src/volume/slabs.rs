@@ -11,6 +11,8 @@ use rayon::prelude::*;
 
 /// Bricks that are worked on at a time, per thread: bounds the payloads that wait to be written.
 const PER_THREAD: usize = 4;
+/// Bytes of samples that are worked on at a time, per thread, where bricks are large. At least one brick.
+const BYTES_PER_THREAD: usize = 16 << 20;
 
 /// Runs `work` on every brick of level `lod` in parallel and `take` on the results, in order: z, y, x, x fastest.
 ///
@@ -36,6 +38,8 @@ pub(super) fn for_each_brick<R: Send>(
     } else {
         Some(AlignedBytes::zeroed(dense_len(Extent { z: edge.min(extent.z), ..extent }, t)?)?)
     };
+    let brick_bytes = dense_len(Extent::cube(edge).min(extent), t)?;
+    let per_thread = (BYTES_PER_THREAD / brick_bytes).clamp(1, PER_THREAD);
     for bz in 0..bricks.z {
         let z = bz * edge..((bz + 1) * edge).min(extent.z);
         let slab_extent = Extent { z: z.end - z.start, ..extent };
@@ -51,7 +55,7 @@ pub(super) fn for_each_brick<R: Send>(
             }
         };
         let layer: Vec<Coord> = (0..bricks.y).flat_map(|y| (0..bricks.x).map(move |x| [x, y, bz])).collect();
-        for group in layer.chunks(PER_THREAD * rayon::current_num_threads()) {
+        for group in layer.chunks(per_thread * rayon::current_num_threads()) {
             let results: Vec<Result<R>> = group
                 .par_iter()
                 .map(|&brick| {

@@ -26,7 +26,7 @@ fn describe(volume: &Volume, bricks: &BrickCounts) -> Result<Value> {
     let original = voxels * d.sample_type.bytes() as f64;
     let bytes = volume.file_len();
     let mut names = Vec::new();
-    let mut formula = Value::Null;
+    let (mut formula, mut padded) = (Value::Null, Value::Null);
     let mut parameters = Vec::new();
     for entry in &d.codecs {
         match Codec::from_wire(entry.id, entry.stream_version, &entry.params) {
@@ -37,7 +37,9 @@ fn describe(volume: &Volume, bricks: &BrickCounts) -> Result<Value> {
             }
             Ok(Codec::S3dc(p)) => {
                 names.push("s3dc".to_owned());
-                formula = number(s3dc::formula_ratio(d.dims, 8 * d.sample_type.bytes() as u32, &p));
+                let s_bits = 8 * d.sample_type.bytes() as u32;
+                formula = number(s3dc::formula_ratio(d.dims, s_bits, &p));
+                padded = number(s3dc::padded_ratio(d.dims, s_bits, &p));
                 parameters.push(json!({
                     "codec": "s3dc", "index_bits": p.i_bits(), "block": p.block().to_array(),
                     "endpoints": p.endpoints().name(),
@@ -51,7 +53,7 @@ fn describe(volume: &Volume, bricks: &BrickCounts) -> Result<Value> {
         }
     }
     if names.len() > 1 {
-        formula = Value::Null; // one formula cannot speak for several codecs
+        (formula, padded) = (Value::Null, Value::Null); // one formula cannot speak for several codecs
     }
     let p = &d.placement;
     let psnr = d.achieved.and_then(|a| psnr(d.source_range.1 - d.source_range.0, a.rmse));
@@ -77,7 +79,7 @@ fn describe(volume: &Volume, bricks: &BrickCounts) -> Result<Value> {
         "bricks": { "total": bricks.total, "stored": bricks.stored, "constant": bricks.constant, "empty": bricks.empty },
         "bytes": bytes,
         "bits_per_voxel": number(bytes as f64 * 8.0 / voxels),
-        "ratio": { "formula": formula, "payload": number(original / d.payload_bytes as f64), "file": number(original / bytes as f64) },
+        "ratio": { "formula": formula, "padded": padded, "payload": number(original / d.payload_bytes as f64), "file": number(original / bytes as f64) },
         "max_error": d.achieved.map(|a| a.max_error),
         "mean_error": d.achieved.map(|a| a.mean_error),
         "rmse": d.achieved.map(|a| a.rmse),

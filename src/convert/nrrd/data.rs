@@ -65,7 +65,8 @@ fn big_endian(path: &Path, header: &Header, kind: Kind) -> Result<bool> {
 }
 
 /// Finds the samples; unpacks them where they are packed.
-pub(super) fn locate(path: &Path, header: &Header, axes: &Axes, len: u64, max_bytes: u64) -> Result<Payload> {
+pub(super) fn locate(header_path: &Path, header: &Header, axes: &Axes, len: u64, max_bytes: u64) -> Result<Payload> {
+    let path = header_path;
     let encoding = encoding(path, header)?;
     let (path, (mut file, len), start) = match (data_file(path, header)?, header.data_start) {
         (Some(data), _) => {
@@ -78,19 +79,20 @@ pub(super) fn locate(path: &Path, header: &Header, axes: &Axes, len: u64, max_by
             return Err(fault::foreign(path, "header", message));
         }
     };
-    let path = path.as_path();
-    let start = skip_lines(path, header, &mut file, start)?;
+    // What is wrong with a field is the header's fault, wherever the data lie.
+    let (at, path) = (header_path, path.as_path());
+    let start = skip_lines(at, path, header, &mut file, start)?;
     let skip = match header.get("byteskip") {
         None => Skip::First(0),
         Some("-1") => Skip::ToLast,
         Some(text) => Skip::First(text.parse().map_err(|_| {
-            fault::foreign(path, "byte skip", format!("{text:.20?} is neither a number of bytes nor -1"))
+            fault::foreign(at, "byte skip", format!("{text:.20?} is neither a number of bytes nor -1"))
         })?),
     };
-    let expected = payload::byte_len(path, "sizes", axes.extent, axes.kind)?;
+    let expected = payload::byte_len(at, "sizes", axes.extent, axes.kind)?;
     let stored = match encoding {
         Encoding::Text => Stored { kind: axes.kind, big_endian: cfg!(target_endian = "big") },
-        _ => Stored { kind: axes.kind, big_endian: big_endian(path, header, axes.kind)? },
+        _ => Stored { kind: axes.kind, big_endian: big_endian(at, header, axes.kind)? },
     };
     let bytes = match encoding {
         Encoding::Raw => {
@@ -103,7 +105,7 @@ pub(super) fn locate(path: &Path, header: &Header, axes: &Axes, len: u64, max_by
         Encoding::Text => {
             let skip = match skip {
                 Skip::First(n) => n,
-                Skip::ToLast => return Err(fault::foreign(path, "byte skip", "-1 has no meaning for text")),
+                Skip::ToLast => return Err(fault::foreign(at, "byte skip", "-1 has no meaning for text")),
             };
             let start = start.saturating_add(skip);
             Bytes::Memory(text::read(path, file, start, len, axes, max_bytes)?)
@@ -132,10 +134,11 @@ fn raw_start(path: &Path, len: u64, start: u64, skip: Skip, expected: u64) -> Re
 }
 
 /// Byte after `line skip` lines. Lines are skipped before anything is unpacked, bytes after.
-fn skip_lines(path: &Path, header: &Header, file: &mut File, start: u64) -> Result<u64> {
+fn skip_lines(header_path: &Path, path: &Path, header: &Header, file: &mut File, start: u64) -> Result<u64> {
     let Some(text) = header.get("lineskip") else { return Ok(start) };
-    let lines: u64 =
-        text.parse().map_err(|_| fault::foreign(path, "line skip", format!("{text:.20?} is not a number of lines")))?;
+    let lines: u64 = text
+        .parse()
+        .map_err(|_| fault::foreign(header_path, "line skip", format!("{text:.20?} is not a number of lines")))?;
     file.seek(SeekFrom::Start(start)).map_err(|e| fault::io(path, e))?;
     let mut reader = BufReader::new(file);
     let mut at = start;
