@@ -24,6 +24,7 @@ mod fast_avx2;
 #[cfg(target_arch = "x86_64")]
 mod fast_avx2_float;
 mod fast_tables;
+mod fitted;
 mod layout;
 mod params;
 mod point;
