@@ -12,7 +12,7 @@ use crate::grid::View;
 /// # Errors
 /// `E_NONFINITE`.
 pub fn encode(params: &Params, src: View<'_>, out: &mut Vec<u8>) -> Result<()> {
-    encode_plain(params, src, out)
+    super::fast_encode::encode(params, src, out)
 }
 
 /// As [`encode`], by the plain scalar code that defines the result.

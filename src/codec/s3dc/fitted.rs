@@ -301,7 +301,8 @@ mod tests {
     fn floats_are_coded_as_the_formulas_say() {
         for (lo, hi) in [(-1.0, 2.0), (0.0, 15.0), (f32::MIN, f32::MAX), (1.0, 1.000_000_2), (0.0, 1e-45), (3.0, 3.0)] {
             let wide = f64::from(hi) - f64::from(lo);
-            let values: Vec<f32> = (0..=30_000).map(|k| (f64::from(lo) + wide * f64::from(k) / 30_000.0) as f32).collect();
+            let values: Vec<f32> =
+                (0..=30_000).map(|k| (f64::from(lo) + wide * f64::from(k) / 30_000.0) as f32).collect();
             agrees(lo, hi, &values);
             agrees(lo, hi, &[f32::MIN, f32::MAX, 0.0]);
         }

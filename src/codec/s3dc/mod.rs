@@ -23,6 +23,8 @@ mod fast;
 mod fast_avx2;
 #[cfg(target_arch = "x86_64")]
 mod fast_avx2_float;
+mod fast_encode;
+mod fast_encode_index;
 mod fast_tables;
 mod fitted;
 mod layout;
@@ -41,7 +43,7 @@ pub use scalar::Scalar;
 pub(super) use check::check;
 pub use decode::decode_on;
 pub(super) use decode::{decode, decode_plain};
-pub(super) use encode::encode;
+pub(super) use encode::{encode, encode_plain};
 
 /// Number of the codec in the codec table.
 pub const ID: u16 = 2;
