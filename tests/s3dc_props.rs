@@ -119,8 +119,11 @@ proptest! {
     fn fast_decoders_equal_the_plain_one(case in cases()) {
         let codec = Codec::S3dc(case.params);
         let source = samples(case.t, case.brick.voxels() as usize, case.seed);
-        let mut payload = Vec::new();
-        codec.encode(View::dense(&source, case.brick, case.t), &mut payload).unwrap();
+        let source = View::dense(&source, case.brick, case.t);
+        let (mut payload, mut plain) = (Vec::new(), Vec::new());
+        codec.encode(source, &mut payload).unwrap();
+        codec.encode_plain(source, &mut plain).unwrap();
+        prop_assert!(payload == plain, "fast and plain encoders differ");
         codec.check(&payload, case.t, case.brick, 0).unwrap();
         all_paths_agree(&case, &payload);
     }

@@ -143,6 +143,22 @@ impl Codec {
         done
     }
 
+    /// As [`Codec::encode`], by the plain scalar code that defines the result.
+    ///
+    /// # Errors
+    /// As [`Codec::encode`].
+    pub fn encode_plain(&self, src: View<'_>, out: &mut Vec<u8>) -> Result<()> {
+        let Codec::S3dc(params) = self else { return self.encode(src, out) };
+        self.supports(src.sample_type)?;
+        check_view(src.bytes.len(), src.extent, src.sample_type, src.row_pitch, src.slice_pitch)?;
+        let start = out.len();
+        let done = s3dc::encode_plain(params, src, out);
+        if done.is_err() {
+            out.truncate(start);
+        }
+        done
+    }
+
     /// Decodes the part `region` of a brick into `dst`, by the fastest path this machine has.
     ///
     /// Damaged payloads of the right length decode to defined values, never to a panic.

@@ -1,32 +1,32 @@
 //! Plain scalar encoding (spec chapter 8, §6): end points of every block, then the index of every voxel.
 
-use super::{Layout, Params, Scalar, with_scalar};
+use super::fitted::{Fit, fit};
+use super::{Endpoints, Layout, Params, Scalar, with_scalar};
 use crate::codec::non_finite;
 use crate::error::Result;
 use crate::geometry::{Coord, Region};
 use crate::grid::View;
 
-/// Appends the payload of a brick. The view has been checked.
+/// Appends the payload of a brick, by the fastest path of this machine. The view has been checked.
 ///
 /// # Errors
 /// `E_NONFINITE`.
 pub fn encode(params: &Params, src: View<'_>, out: &mut Vec<u8>) -> Result<()> {
+    super::fast_encode::encode(params, src, out)
+}
+
+/// As [`encode`], by the plain scalar code that defines the result.
+///
+/// # Errors
+/// `E_NONFINITE`.
+pub fn encode_plain(params: &Params, src: View<'_>, out: &mut Vec<u8>) -> Result<()> {
     let layout = Layout::new(params, src.sample_type, src.extent);
     with_scalar!(src.sample_type, T => encode_plain_as::<T>(&layout, src, out), else Ok(()))
 }
 
-fn encode_plain_as<T: Scalar>(layout: &Layout, src: View<'_>, out: &mut Vec<u8>) -> Result<()> {
+fn encode_plain_as<T: Fit>(layout: &Layout, src: View<'_>, out: &mut Vec<u8>) -> Result<()> {
     let base = out.len();
-    let blocks = layout.blocks();
-    for z in 0..blocks.z {
-        for y in 0..blocks.y {
-            for x in 0..blocks.x {
-                let (min, max) = min_max::<T>(src, &block_region(layout, [x, y, z])).ok_or_else(non_finite)?;
-                min.push_le(out);
-                max.push_le(out);
-            }
-        }
-    }
+    push_end_points::<T>(layout, src, out)?;
     out.resize(base + layout.payload_len(), 0); // spec: S3D-8
     let payload = &mut out[base..];
     let i = u32::from(layout.params().i_bits());
@@ -44,6 +44,41 @@ fn encode_plain_as<T: Scalar>(layout: &Layout, src: View<'_>, out: &mut Vec<u8>)
         }
     }
     Ok(())
+}
+
+/// Appends the end points of all blocks.
+#[inline(always)]
+pub fn push_end_points<T: Fit>(layout: &Layout, src: View<'_>, out: &mut Vec<u8>) -> Result<()> {
+    let (blocks, q) = (layout.blocks(), layout.params().q());
+    let mut reals = Vec::new();
+    for z in 0..blocks.z {
+        for y in 0..blocks.y {
+            for x in 0..blocks.x {
+                let region = block_region(layout, [x, y, z]);
+                let (mut min, mut max) = min_max::<T>(src, &region).ok_or_else(non_finite)?;
+                if layout.params().endpoints() == Endpoints::Fitted {
+                    gather::<T>(src, &region, &mut reals);
+                    (min, max) = fit::<T>(&reals, min, max, q);
+                }
+                min.push_le(out);
+                max.push_le(out);
+            }
+        }
+    }
+    Ok(())
+}
+
+/// The samples of a box, one after the other.
+#[inline(always)]
+fn gather<T: Fit>(src: View<'_>, region: &Region, reals: &mut Vec<T::Real>) {
+    reals.clear();
+    let x = region.start[0] as usize * T::BYTES..region.end[0] as usize * T::BYTES;
+    for z in region.start[2]..region.end[2] {
+        for y in region.start[1]..region.end[1] {
+            let row = &src.bytes[y as usize * src.row_pitch + z as usize * src.slice_pitch..][x.clone()];
+            reals.extend(row.chunks_exact(T::BYTES).map(|b| bytemuck::pod_read_unaligned::<T>(b).real()));
+        }
+    }
 }
 
 /// The voxels of a block that lie inside the brick. // spec: S3D-7

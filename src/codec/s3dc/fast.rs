@@ -199,7 +199,7 @@ impl Strip<'_> {
         let out = Grid2 { len: (x1 - wanted) as usize * K::BYTES, pitch: [dst.row_pitch, dst.slice_pitch] };
         let count = [1, 2].map(|a| (rows.end[a] - rows.start[a]) as usize);
         let rows = Rows::new((&payload[words_at..], words), (&mut dst.bytes[out_at..], out), count);
-        if fast && wanted == x0 && voxels % STEP == 0 {
+        if fast && wanted == x0 && voxels.is_multiple_of(STEP) {
             return kernel.rows(rows, stores);
         }
         // What does not start or end with a whole step goes through buffers.

@@ -101,7 +101,7 @@ impl<'a> Out<'a> {
     /// The row; stored around the caches where `stores` says so and it lies on a multiple of 32.
     #[inline(always)]
     pub fn new(row: &'a mut [u8], stores: Stores) -> Self {
-        let stream = stores == Stores::Streaming && row.as_ptr().addr() % 32 == 0;
+        let stream = stores == Stores::Streaming && row.as_ptr().addr().is_multiple_of(32);
         Out { chunks: row.as_chunks_mut().0, stream }
     }
 
@@ -323,7 +323,7 @@ impl<const I: usize> Kernel for Bytes<I> {
 impl<const I: usize> Bytes<I> {
     #[target_feature(enable = "avx2")]
     fn prepare_avx2(&mut self, blocks: &BlockRow<'_>) {
-        self.paired = blocks.edge % 2 == 0 && blocks.before % 2 == 0;
+        self.paired = blocks.edge.is_multiple_of(2) && blocks.before.is_multiple_of(2);
         if (blocks.edge, blocks.before) == (4, 0) {
             return self.prepare_4(blocks.pairs);
         }

@@ -97,7 +97,7 @@ impl<const I: usize> FloatPalette<I> {
     fn rows_avx2(&self, rows: Rows<'_>, stores: Stores) {
         let (t, of, palettes) = (self.token, self.of.0.as_chunks::<8>().0, &self.palettes);
         let eights = rows.words_len() / I;
-        if self.edge % 8 == 0 {
+        if self.edge.is_multiple_of(8) {
             for (words, out) in rows {
                 let mut out = Out::new(out, stores);
                 for k in 0..eights {

@@ -59,7 +59,7 @@ impl<'a> Out<'a> {
     /// The row; stored around the caches where `stores` says so and it lies on a multiple of 64.
     #[inline(always)]
     fn new(row: &'a mut [u8], stores: Stores) -> Self {
-        let stream = stores == Stores::Streaming && row.as_ptr().addr() % 64 == 0;
+        let stream = stores == Stores::Streaming && row.as_ptr().addr().is_multiple_of(64);
         Out { row, stream }
     }
 
@@ -267,7 +267,7 @@ impl<const I: usize> Floats<I> {
                     out.put(t, k, _mm512_mask_permutexvar_epi32(v, 0xFF00, idx, load(t, p1)));
                 }
             }
-        } else if self.edge % 16 == 0 {
+        } else if self.edge.is_multiple_of(16) {
             for (words, out) in rows {
                 let mut out = Out::new(out, stores);
                 for ((k, words), of) in words.chunks_exact(2 * I).enumerate().zip(of) {
@@ -288,7 +288,7 @@ impl<const I: usize> Floats<I> {
                 }
             }
         }
-        const { assert!(STEP % 16 == 0, "a row is a number of sixteens") };
+        const { assert!(STEP.is_multiple_of(16), "a row is a number of sixteens") };
     }
 }
 

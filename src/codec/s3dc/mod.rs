@@ -25,8 +25,11 @@ mod fast_avx2;
 mod fast_avx2_float;
 #[cfg(target_arch = "x86_64")]
 mod fast_avx512;
+mod fast_encode;
+mod fast_encode_index;
 mod fast_rows;
 mod fast_tables;
+mod fitted;
 mod layout;
 mod params;
 mod point;
@@ -43,7 +46,7 @@ pub use scalar::Scalar;
 pub(super) use check::check;
 pub use decode::decode_on;
 pub(super) use decode::{decode, decode_plain, pieces};
-pub(super) use encode::encode;
+pub(super) use encode::{encode, encode_plain};
 
 /// Number of the codec in the codec table.
 pub const ID: u16 = 2;
