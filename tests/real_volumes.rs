@@ -5,7 +5,6 @@ mod support;
 use std::path::Path;
 use support::{encode, explicit, open, verify};
 use vug::convert::{ImportOptions, import};
-use vug::grid::SlabReader;
 use vug::metrics::error_stats;
 use vug::volume::{At, Bound, CodecChoice, EncodeOptions, Quality};
 use vug::{Grid, SampleType};
