@@ -138,7 +138,7 @@ fn one_input_one_file() {
     }
 }
 
-#[test] // K-13; spec: S3D-13
+#[test] // K-13; spec: S3D-14
 fn nan_is_refused_by_position_or_replaced_and_counted() {
     let e = Extent::new(40, 30, 50);
     for (first, other) in [([0, 0, 0], [39, 29, 49]), ([33, 2, 5], [1, 3, 5]), ([39, 29, 17], [0, 0, 18])] {

@@ -11,9 +11,9 @@ use crate::voxel::{SampleType, SampleValue};
 use binrw::binrw;
 
 /// Bytes of the fixed part.
-pub(super) const FIXED_BYTES: usize = 256;
+pub const FIXED_BYTES: usize = 256;
 /// Bytes of one codec entry.
-pub(super) const CODEC_BYTES: usize = 32;
+pub const CODEC_BYTES: usize = 32;
 /// Codec id of `raw` (spec chapter 7).
 pub const CODEC_RAW: u16 = 1;
 /// Codec id of `s3dc` (spec chapter 8).

@@ -107,6 +107,7 @@ pub(super) fn write_nodes(nodes: &[Node]) -> Vec<u8> {
 /// `E_RESERVED`, `E_ORDER`, `E_DUP`, `E_REF`, `E_PARAM`, `E_ALIGN`, `E_SECTION_RANGE`.
 pub(super) fn parse_refs(bytes: &[u8], at: u64, octree: &Octree, file_len: u64) -> Result<Vec<ChunkRef>> {
     let mut refs: Vec<ChunkRef> = Vec::with_capacity(bytes.len() / REF_BYTES);
+    let mut total = 0u64;
     for (bytes, at) in bytes.chunks_exact(REF_BYTES).zip((at..).step_by(REF_BYTES)) {
         let r: ChunkRef = wire::read(bytes, at, "PDIR")?;
         let bad = |code, offset, field, message: String| Err(Error::at(code, at + offset, field, message));
@@ -145,6 +146,12 @@ pub(super) fn parse_refs(bytes: &[u8], at: u64, octree: &Octree, file_len: u64) 
                 "PDIR.offset",
                 format!("the chunk at {} passes the file's end", r.offset),
             );
+        }
+        // Chunks that shared bytes would let a small file ask for any amount of memory.
+        total = total.saturating_add(r.byte_len() as u64);
+        if total > file_len {
+            let message = "the chunks of the directory are longer than the file: some overlap".to_owned();
+            return bad(Code::SectionOverlap, 8, "PDIR.offset", message);
         }
         refs.push(r);
     }

@@ -34,6 +34,7 @@ mod wire;
 mod write;
 
 pub use descriptor::{Achieved, CODEC_RAW, CODEC_S3DC, CodecEntry, VolumeDescriptor};
+pub use descriptor::{CODEC_BYTES as CODEC_ENTRY_BYTES, FIXED_BYTES as DESCRIPTOR_BYTES};
 pub use directory::{CHUNK_PAGES, ChunkRef, PAGE_NODES, PageEntry, parse_chunk, parse_page};
 pub use features::{FeatureName, OPTIONAL_NAN_REPLACED, REQUIRED_ZSTD};
 pub use leader::{LEADER_BYTES, Leader, find_leaders};

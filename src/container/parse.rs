@@ -61,7 +61,9 @@ impl Head {
     }
 
     /// The bytes of a section in the file; empty where there is none.
-    pub(super) fn section_range(&self, fourcc: FourCc) -> Range<u64> {
+    /// Bytes of a section; none where there is no such section.
+    #[must_use]
+    pub fn section_range(&self, fourcc: FourCc) -> Range<u64> {
         self.section(fourcc).map_or(0..0, |s| s.offset..s.end())
     }
 

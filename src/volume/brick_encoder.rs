@@ -122,7 +122,7 @@ impl BrickEncoder {
 
     /// The value of a brick all of whose voxels decode to the same.
     fn constant(&self, src: View<'_>) -> Option<SampleValue> {
-        // Lossless means every bit; S3Dc stores −0.0 as +0.0 (spec: S3D-12), so that both zeros are one value there.
+        // Lossless means every bit; S3Dc stores −0.0 as +0.0 (spec: S3D-13), so that both zeros are one value there.
         let by_value = !matches!(self.codec, Codec::Raw);
         with_sample!(src.sample_type, T => {
             let first = src.row::<T>(0, 0)[0];

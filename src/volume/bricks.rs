@@ -1,7 +1,7 @@
 //! Payloads of stored bricks: fetched, checked once against their CRC, inflated, kept (spec chapter 6).
 
 use super::At;
-use super::codecs::Entry;
+use super::codecs::{Entry, Layout};
 use super::open::Volume;
 use super::pages::{Known, Page};
 use crate::checksum::crc32;
@@ -33,18 +33,35 @@ impl Deref for Payload<'_> {
     }
 }
 
+/// All that decides about the bytes of a payload: a hostile index can name one offset with several lengths or checksums.
+#[derive(Clone, Copy, PartialEq, Eq, Hash)]
+struct Key {
+    offset: u64,
+    stored_len: u32,
+    crc: u32,
+    zstd: bool,
+    payload_len: u64,
+}
+
+impl Key {
+    fn of(node: &Node, layout: &Layout) -> Key {
+        let zstd = node.flags.contains(NodeFlags::ZSTD);
+        Key { offset: node.offset, stored_len: node.stored_len, crc: node.crc, zstd, payload_len: layout.payload_len }
+    }
+}
+
 #[derive(Clone)]
 struct ByBytes;
 
-impl Weighter<u64, Arc<[u8]>> for ByBytes {
-    fn weight(&self, _: &u64, payload: &Arc<[u8]>) -> u64 {
+impl Weighter<Key, Arc<[u8]>> for ByBytes {
+    fn weight(&self, _: &Key, payload: &Arc<[u8]>) -> u64 {
         payload.len() as u64 + 64
     }
 }
 
 /// Payloads that had to be copied or inflated, by file offset, within a budget of bytes.
 pub(super) struct Bricks {
-    cache: Cache<u64, Arc<[u8]>, ByBytes>,
+    cache: Cache<Key, Arc<[u8]>, ByBytes>,
 }
 
 impl Bricks {
@@ -104,10 +121,10 @@ impl Volume {
     }
 
     /// Whether [`Volume::payload`] would have to read: the ranges of several bricks can then be read together.
-    pub(super) fn wants_read(&self, node: &Node) -> bool {
+    pub(super) fn wants_read(&self, node: &Node, layout: usize) -> bool {
         node.kind == NodeKind::Stored
             && self.source.as_slice().is_none()
-            && self.bricks.cache.peek(&node.offset).is_none()
+            && self.bricks.cache.peek(&Key::of(node, self.codecs.layout(layout))).is_none()
     }
 
     /// The first use of a payload; `stored` are its bytes where a merged read has brought them already.
@@ -115,7 +132,8 @@ impl Volume {
         let node = found.node();
         let layout_index = layout;
         let layout = self.codecs.layout(layout);
-        if let Some(shared) = self.bricks.cache.get(&node.offset) {
+        let key = Key::of(node, layout);
+        if let Some(shared) = self.bricks.cache.get(&key) {
             return Ok(Payload::Shared(shared));
         }
         limits::check("node.stored_len", u64::from(node.stored_len), limits::MAX_BRICK_BYTES)?;
@@ -153,7 +171,7 @@ impl Volume {
         }
         if zstd {
             let inflated = supercompression::inflate(&bytes, layout.payload_len, node.offset, "brick.payload")?;
-            return Ok(self.keep(node.offset, inflated.into()));
+            return Ok(self.keep(key, inflated.into()));
         }
         if let Some(bytes) = self.stored_slice(node) {
             if let (Some(page), Some(_)) = (found.page, layout.s3dc) {
@@ -161,11 +179,11 @@ impl Volume {
             }
             return Ok(Payload::Slice(bytes));
         }
-        Ok(self.keep(node.offset, bytes.into()))
+        Ok(self.keep(key, bytes.into()))
     }
 
-    fn keep(&self, offset: u64, payload: Arc<[u8]>) -> Payload<'_> {
-        self.bricks.cache.insert(offset, payload.clone());
+    fn keep(&self, key: Key, payload: Arc<[u8]>) -> Payload<'_> {
+        self.bricks.cache.insert(key, payload.clone());
         Payload::Shared(payload)
     }
 

@@ -1,7 +1,7 @@
 //! The codec table of an open volume: what each entry decodes, with the layouts of full and partial bricks ready.
 
 use crate::codec::{Codec, s3dc};
-use crate::container::Head;
+use crate::container::{CODEC_ENTRY_BYTES, DESCRIPTOR_BYTES, Head, VolumeDescriptor};
 use crate::error::{Code, Error, Result};
 use crate::geometry::{Coord, Extent};
 
@@ -21,6 +21,21 @@ pub(super) struct Layout {
     pub(super) payload_len: u64,
 }
 
+/// Checks the parameters of every codec that this reader knows; the descriptor lies at byte `at` (spec: VAL-2).
+pub(super) fn check_codecs(d: &VolumeDescriptor, at: u64) -> Result<()> {
+    for (i, wire) in d.codecs.iter().enumerate() {
+        let codec = Codec::from_wire(wire.id, wire.stream_version, &wire.params);
+        match codec.and_then(|codec| codec.supports(d.sample_type)) {
+            Err(e) if e.code() != Code::Codec => {
+                let entry = at + (DESCRIPTOR_BYTES + CODEC_ENTRY_BYTES * i) as u64;
+                return Err(Error::at(e.code(), entry, format!("VOLD.codec.{}", e.field()), e.message()));
+            }
+            _ => {}
+        }
+    }
+    Ok(())
+}
+
 /// Unknown codecs stay data: the volume opens, and only decoding a brick of theirs fails.
 pub(super) struct CodecTable {
     entries: Vec<std::result::Result<Entry, (u16, u16)>>,
@@ -31,19 +46,15 @@ pub(super) struct CodecTable {
 impl CodecTable {
     pub(super) fn new(head: &Head) -> Result<Self> {
         let d = &head.descriptor;
+        check_codecs(d, head.section_range(*b"VOLD").start)?;
         let mut entries = Vec::with_capacity(d.codecs.len());
         let mut layouts = Vec::new();
         let edge = 1u32 << d.brick_log2;
         for wire in &d.codecs {
-            let codec = match Codec::from_wire(wire.id, wire.stream_version, &wire.params) {
-                Ok(codec) => codec,
-                Err(e) if e.code() == Code::Codec => {
-                    entries.push(Err((wire.id, wire.stream_version)));
-                    continue;
-                }
-                Err(e) => return Err(e),
+            let Ok(codec) = Codec::from_wire(wire.id, wire.stream_version, &wire.params) else {
+                entries.push(Err((wire.id, wire.stream_version)));
+                continue;
             };
-            codec.supports(d.sample_type)?;
             entries.push(Ok(Entry { codec, first_layout: layouts.len() }));
             for (level, partial) in head.octree.levels.iter().flat_map(|l| (0..8).map(move |partial| (l, partial))) {
                 let last = |axis: usize, n: u32| {

@@ -2,7 +2,7 @@
 
 use super::counted::Counted;
 use crate::container::{self, CHUNK_PAGES, Head, Node, NodeKind, PageEntry};
-use crate::error::Result;
+use crate::error::{Code, Error, Result};
 use crate::geometry::{morton8, unmorton8};
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -10,6 +10,9 @@ use std::sync::atomic::{AtomicU64, Ordering};
 /// One slot per present directory chunk, in the order of the root directory: memory follows the file, not its dims.
 pub(super) struct Pages {
     chunks: Box<[OnceLock<Box<[PageSlot]>>]>,
+    /// Bytes of the pages that have been loaded. Pages do not overlap, so that they are never longer than their section:
+    /// the memory of an index is bounded by the file.
+    loaded: AtomicU64,
 }
 
 pub(super) struct PageSlot {
@@ -133,7 +136,7 @@ fn linear(slot: usize) -> u32 {
 
 impl Pages {
     pub(super) fn new(head: &Head) -> Self {
-        Pages { chunks: head.directory.iter().map(|_| OnceLock::new()).collect() }
+        Pages { chunks: head.directory.iter().map(|_| OnceLock::new()).collect(), loaded: AtomicU64::new(0) }
     }
 
     /// The page with this ordinal, or `None` where all its nodes are EMPTY.
@@ -160,7 +163,7 @@ impl Pages {
         }
         match slot.page.get() {
             Some(page) => Ok(Some(page)),
-            None => load_page(head, source, slot, ordinal).map(Some),
+            None => self.load_page(head, source, slot, ordinal).map(Some),
         }
     }
 
@@ -194,7 +197,7 @@ impl Pages {
                 let ordinal = chunk.ordinal * CHUNK_PAGES + i as u64;
                 match slot.page.get() {
                     Some(page) => visit(ordinal, page)?,
-                    None => visit(ordinal, load_page(head, source, slot, ordinal)?)?,
+                    None => visit(ordinal, self.load_page(head, source, slot, ordinal)?)?,
                 }
             }
         }
@@ -213,14 +216,32 @@ impl Pages {
         // Another thread may have been faster: then its result stands, which is the same.
         Ok(self.chunks[index].get_or_init(|| slots))
     }
-}
 
-#[cold]
-fn load_page<'a>(head: &Head, source: &Counted, slot: &'a PageSlot, ordinal: u64) -> Result<&'a Page> {
-    let len = slot.entry.byte_len();
-    let nodes = match head.resident(slot.entry.offset, len as u64) {
-        Some(bytes) => container::parse_page(bytes, &slot.entry, ordinal, head)?,
-        None => container::parse_page(&source.read(slot.entry.offset, len)?, &slot.entry, ordinal, head)?,
-    };
-    Ok(slot.page.get_or_init(|| Page::new(nodes, head.descriptor.null_sample().to_raw())))
+    #[cold]
+    fn load_page<'a>(&self, head: &Head, source: &Counted, slot: &'a PageSlot, ordinal: u64) -> Result<&'a Page> {
+        let len = slot.entry.byte_len();
+        let section = head.section_range(*b"PAGE");
+        if self.loaded.fetch_add(len as u64, Ordering::Relaxed) + len as u64 > section.end - section.start {
+            self.loaded.fetch_sub(len as u64, Ordering::Relaxed);
+            return Err(Error::at(
+                Code::SectionOverlap,
+                slot.entry.offset,
+                "page_entry.offset",
+                "the pages are longer than their section: some overlap, the index is not to be trusted",
+            ));
+        }
+        let nodes = match head.resident(slot.entry.offset, len as u64) {
+            Some(bytes) => container::parse_page(bytes, &slot.entry, ordinal, head),
+            None => source
+                .read(slot.entry.offset, len)
+                .and_then(|bytes| container::parse_page(&bytes, &slot.entry, ordinal, head)),
+        };
+        let page = nodes.map(|nodes| Page::new(nodes, head.descriptor.null_sample().to_raw()));
+        let page = page.inspect_err(|_| _ = self.loaded.fetch_sub(len as u64, Ordering::Relaxed))?;
+        if slot.page.set(page).is_err() {
+            // Another thread was faster, with the same page: it is counted once.
+            self.loaded.fetch_sub(len as u64, Ordering::Relaxed);
+        }
+        Ok(slot.page.get().expect("set by this thread or another"))
+    }
 }

@@ -190,9 +190,13 @@ impl Volume {
         Ok(Part { origin: brick.map(|b| b << self.info().brick_log2), found, content, region })
     }
 
+    fn is_missing(&self, part: &Part<'_>) -> bool {
+        matches!(part.content, Content::Stored { layout, .. } if self.wants_read(part.found.node(), layout))
+    }
+
     /// Brings the payloads of stored parts: neighbouring ranges in one read, checks and inflation in parallel.
     fn fetch<'a>(&'a self, parts: &mut [Part<'a>]) -> Result<()> {
-        let mut missing: Vec<usize> = (0..parts.len()).filter(|&i| self.wants_read(parts[i].found.node())).collect();
+        let mut missing: Vec<usize> = (0..parts.len()).filter(|&i| self.is_missing(&parts[i])).collect();
         missing.sort_by_key(|&i| parts[i].found.node().offset);
         // Offsets are untrusted: here they must only not overflow, the read itself checks them.
         let end_of = |i: usize| {

@@ -1,6 +1,7 @@
 //! Strict validation of a whole file: every byte, every structure, every payload (spec chapter 9).
 
 use super::brick_encoder::with_scratch;
+use super::codecs::check_codecs;
 use crate::codec::Codec;
 use crate::container::NodeFlags;
 use crate::container::strict::{StoredBrick, Strict};
@@ -52,6 +53,12 @@ pub fn verify(source: &dyn ByteSource, limits: &Limits, progress: &mut dyn FnMut
     };
     let codecs: Vec<Result<Codec>> =
         strict.head().descriptor.codecs.iter().map(|c| Codec::from_wire(c.id, c.stream_version, &c.params)).collect();
+    // An unknown codec is data until a brick uses it; a known one with wrong parameters never opens.
+    let (descriptor, at) = (&strict.head().descriptor, strict.head().section_range(*b"VOLD").start);
+    let wrong = check_codecs(descriptor, at).err();
+    if let Some(e) = wrong {
+        strict.report(e);
+    }
     let mut good = 0;
     let all: Vec<StoredBrick> = strict.bricks().to_vec();
     let mut index = 0;

@@ -35,7 +35,7 @@ pub(super) fn encode(src: View<'_>, out: &mut Vec<u8>) -> Result<()> {
     Ok(())
 }
 
-/// Copies `region` of a brick. Lengths and region have been checked.
+/// Copies `region` of a brick, bit by bit. Lengths and region have been checked. // spec: RAW-6
 pub(super) fn decode(payload: &[u8], brick: Extent, region: &Region, dst: ViewMut<'_>) {
     let size = dst.sample_type.bytes();
     let row_bytes = dst.extent.x as usize * size;

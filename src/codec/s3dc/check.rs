@@ -4,7 +4,8 @@ use super::encode::block_region;
 use super::{Layout, Scalar, with_scalar};
 use crate::error::{Code, Error, Result};
 
-/// Checks a payload of the right length. Offsets are relative to the payload.
+/// Checks a payload of the right length, in the order of the chapter. Offsets are relative to the payload.
+// spec: S3D-19
 ///
 /// # Errors
 /// `E_NONFINITE`, `E_MINMAX_ORDER`, `E_CANON`, `E_PADDING`.

@@ -61,7 +61,7 @@ pub fn sample<T: Scalar>(src: &View<'_>, c: Coord) -> T {
     bytemuck::pod_read_unaligned(&src.bytes[at..at + T::BYTES])
 }
 
-/// Smallest and largest sample of a box; `None` where one is not finite. // spec: S3D-13
+/// Smallest and largest sample of a box; `None` where one is not finite. // spec: S3D-13, S3D-14, S3D-17
 fn min_max<T: Scalar>(src: View<'_>, region: &Region) -> Option<(T, T)> {
     let mut range: Option<(T, T)> = None;
     for z in region.start[2]..region.end[2] {

@@ -37,6 +37,9 @@ impl Isa {
     pub fn available() -> &'static [Isa] {
         #[cfg(target_arch = "x86_64")]
         {
+            if super::fast_avx512::Avx512::detect().is_some() {
+                return &[Isa::Avx512, Isa::Avx2];
+            }
             if super::fast_avx2::Avx2::detect().is_some() {
                 return &[Isa::Avx2];
             }
@@ -80,7 +83,13 @@ pub fn decode(job: Job<'_>) -> Result<(), Job<'_>> {
 pub fn decode_on(isa: Isa, job: Job<'_>) -> Result<(), Job<'_>> {
     #[cfg(target_arch = "x86_64")]
     match isa {
-        Isa::Avx2 | Isa::Avx512 => {
+        Isa::Avx512 => {
+            if let Some(token) = super::fast_avx512::Avx512::detect() {
+                super::fast_avx512::decode(token, job);
+                return Ok(());
+            }
+        }
+        Isa::Avx2 => {
             if let Some(token) = super::fast_avx2::Avx2::detect() {
                 super::fast_avx2::decode(token, job);
                 return Ok(());

@@ -10,7 +10,7 @@
 #![allow(unsafe_code, reason = "loads and stores of vectors, and calls of functions that need AVX2")]
 
 use super::Scalar;
-use super::fast::{Job, Kernel, Piece, drive};
+use super::fast::{CHUNK, Job, Kernel, Piece, drive};
 use super::fast_avx2_float::{FloatBytes, FloatPalette};
 use super::fast_rows::Rows;
 use super::fast_tables::{BlockRow, Table};
@@ -179,7 +179,7 @@ fn divided_by_255_times_256(_: Avx2, n: __m256i) -> __m256i {
 }
 
 /// Rows of `u8`.
-struct Bytes<const I: usize> {
+pub struct Bytes<const I: usize> {
     token: Avx2,
     min: Table<u8>,
     /// The factor of the voxels with even x: b of the module's text, R for I = 8.
@@ -197,10 +197,16 @@ impl<const I: usize> Bytes<I> {
     /// See `WHOLE`.
     const PART: i16 = [0, 1, 0, 4, 0, 0, 0, 0][I - 1];
 
-    fn new(token: Avx2) -> Self {
+    /// Empty tables.
+    pub fn new(token: Avx2) -> Self {
         let words = Table::default;
         let (even, odd, block_factor) = (words(), words(), words());
         Bytes { token, min: Table::default(), even, odd, paired: true, block_min: Table::default(), block_factor }
+    }
+
+    /// Minimum of every voxel, factor of those with even and with odd x.
+    pub fn tables(&self) -> (&[u8; CHUNK], &[u16; CHUNK], &[u16; CHUNK]) {
+        (&self.min.0, &self.even.0, if self.paired { &self.even.0 } else { &self.odd.0 })
     }
 
     /// Blocks of edge 4, which have few rows to pay for their tables.
@@ -343,8 +349,8 @@ impl<const I: usize> Bytes<I> {
     #[target_feature(enable = "avx2")]
     fn rows_avx2(&self, rows: Rows<'_>, stores: Stores) {
         let t = self.token;
-        let odd = if self.paired { &self.even.0 } else { &self.odd.0 };
-        let (min, even, odd) = (self.min.0.as_chunks().0, self.even.0.as_chunks().0, odd.as_chunks().0);
+        let (min, even, odd) = self.tables();
+        let (min, even, odd) = (min.as_chunks().0, even.as_chunks().0, odd.as_chunks().0);
         if rows.words_len() == 8 * I {
             // The usual brick has 64 voxels in a row: what belongs to its blocks stays in registers.
             let tables = [0, 1].map(|k| (load(t, &min[k]), load_words(t, &even[k]), load_words(t, &odd[k])));
@@ -367,7 +373,7 @@ impl<const I: usize> Bytes<I> {
 }
 
 /// Rows of `u16` or `i16`.
-struct Words<T, const I: usize> {
+pub struct Words<T, const I: usize> {
     token: Avx2,
     min: Table<u16>,
     /// R div q.
@@ -380,10 +386,16 @@ struct Words<T, const I: usize> {
 }
 
 impl<T, const I: usize> Words<T, I> {
-    fn new(token: Avx2) -> Self {
+    /// Empty tables.
+    pub fn new(token: Avx2) -> Self {
         let table = Table::default;
         let block = std::array::from_fn(|_| Table::default());
         Words { token, min: table(), whole: table(), part: table(), block, _type: PhantomData }
+    }
+
+    /// Minimum, R div q and R mod q of every voxel.
+    pub fn tables(&self) -> (&[u16; CHUNK], &[u16; CHUNK], &[u16; CHUNK]) {
+        (&self.min.0, &self.whole.0, &self.part.0)
     }
 
     /// 16 voxels, their indices in 16-bit lanes.
@@ -447,7 +459,8 @@ impl<T: Scalar + Into<i32>, const I: usize> Words<T, I> {
     #[target_feature(enable = "avx2")]
     fn rows_avx2(&self, rows: Rows<'_>, stores: Stores) {
         let t = self.token;
-        let (min, whole, part) = (self.min.0.as_chunks().0, self.whole.0.as_chunks().0, self.part.0.as_chunks().0);
+        let (min, whole, part) = self.tables();
+        let (min, whole, part) = (min.as_chunks().0, whole.as_chunks().0, part.as_chunks().0);
         for (words, out) in rows {
             let mut out = Out::new(out, stores);
             for (k, words) in words.chunks_exact(4 * I).enumerate() {

@@ -44,7 +44,7 @@ pub fn palettes<const I: usize>(blocks: &BlockRow<'_>, out: &mut [Palette; CHUNK
 }
 
 /// The numbers of the blocks of a row.
-static NUMBERS: Table<u8> = Table({
+pub static NUMBERS: Table<u8> = Table({
     let (mut numbers, mut b) = ([0; CHUNK], 0);
     while b < CHUNK {
         numbers[b] = b as u8;
@@ -105,12 +105,12 @@ impl<const I: usize> FloatPalette<I> {
                     out.put(t, k, pick::<I>(t, palette, lanes::<I>(t, words, k)));
                 }
             }
-        } else if self.edge % 4 == 0 {
+        } else if self.edge == 4 {
+            let palettes = palettes.as_chunks::<2>().0;
             for (words, out) in rows {
                 let mut out = Out::new(out, stores);
-                for k in 0..eights {
-                    let (idx, of) = (lanes::<I>(t, words, k), of[k]);
-                    let (left, right) = (&palettes[usize::from(of[0])], &palettes[usize::from(of[4])]);
+                for (k, [left, right]) in palettes.iter().enumerate().take(eights) {
+                    let idx = lanes::<I>(t, words, k);
                     let v = _mm256_blend_epi32::<0xF0>(pick::<I>(t, left, idx), pick::<I>(t, right, idx));
                     out.put(t, k, v);
                 }

@@ -108,7 +108,7 @@ impl Layout {
         std::array::from_fn(|a| ((u64::from(c[a]) * self.magic[a]) >> 32) as u32)
     }
 
-    /// Where the end points of a block lie in the payload.
+    /// Where the end points of a block lie in the payload. // spec: S3D-18
     #[inline]
     #[must_use]
     pub fn mmv_at(&self, block: Coord) -> usize {

@@ -23,6 +23,8 @@ mod fast;
 mod fast_avx2;
 #[cfg(target_arch = "x86_64")]
 mod fast_avx2_float;
+#[cfg(target_arch = "x86_64")]
+mod fast_avx512;
 mod fast_rows;
 mod fast_tables;
 mod layout;

@@ -4,6 +4,7 @@ use super::Params;
 use crate::geometry::Extent;
 
 /// Ratio of the volume to its end points and indices, block counts rounded up: what the paper's Table 1 prints.
+// spec: S3D-25
 ///
 /// `s_bits` is the number of bits of a sample.
 #[must_use]

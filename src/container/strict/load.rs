@@ -122,6 +122,8 @@ impl Strict {
 
     /// Directory chunks and pages.
     pub(super) fn load_index(&mut self, read: &mut Read<'_>) {
+        let page_section = self.head.section_range(section::PAGE);
+        let mut pages = 0u64;
         for chunk in self.head.directory.clone() {
             self.coverage.add(chunk.offset..chunk.offset + chunk.byte_len() as u64, "directory chunk");
             let entries = match self.load_chunk(&chunk, read) {
@@ -131,6 +133,13 @@ impl Strict {
                     continue;
                 }
             };
+            // Pages that share bytes are reported with the coverage; they are not all loaded, however.
+            pages = pages.saturating_add(entries.iter().map(|e| e.byte_len() as u64).sum());
+            if pages > page_section.end - page_section.start {
+                let message = "the pages are longer than their section: some overlap";
+                self.report(Error::at(Code::SectionOverlap, chunk.offset, "page_entry.offset", message));
+                return;
+            }
             for (ordinal, entry) in (chunk.ordinal * directory::CHUNK_PAGES..).zip(entries) {
                 if !entry.is_empty() {
                     self.coverage.add(entry.offset..entry.offset + entry.byte_len() as u64, "page");
