@@ -1,4 +1,5 @@
 //! The program as its users see it: commands, JSON keys, exit codes, files that appear whole or not at all.
+#![cfg(feature = "cli")]
 
 mod support;
 
