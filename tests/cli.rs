@@ -1,4 +1,5 @@
 //! The program as its users see it: commands, JSON keys, exit codes, files that appear whole or not at all.
+#![cfg(feature = "cli")]
 
 mod support;
 
@@ -79,6 +80,9 @@ fn json_keys() {
     for key in ["formula", "payload", "file"] {
         assert!(info["ratio"][key].is_f64(), "info.ratio.{key}");
     }
+    // K-20, S-20: what textures padded to powers of two would give is told, and is less.
+    let ratio = |key: &str| info["ratio"][key].as_f64().unwrap();
+    assert!(ratio("padded") < ratio("formula") / 2.0, "128×64×64 instead of 70×60×50");
     assert_eq!(info["dims"], serde_json::json!([70, 60, 50]));
     let c = json(d, &["compare", "ball.vug", "ball.vug"]);
     for key in ["range", "max_error", "mean_error", "rmse", "psnr", "ssim", "identical"] {

@@ -201,7 +201,7 @@ fn hard_floats_keep_their_bound() {
         ("large and close", Box::new(move |c| 1.5e6 + base(c))),
     ];
     for (name, f) in cases {
-        let mut grid = Grid::from_fn(e, |c| f(c)).unwrap();
+        let mut grid = Grid::from_fn(e, &f).unwrap();
         let (lo, hi) = grid.range().unwrap();
         for percent in [1e-3, 0.1, 1.0, 10.0] {
             let bound = percent / 100.0 * (hi - lo);

@@ -1,4 +1,5 @@
 //! Every real volume through the whole chain: import, encode, verify, decode, compare. Skipped where there are none.
+#![cfg(feature = "convert")]
 
 mod support;
 
