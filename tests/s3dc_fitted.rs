@@ -8,7 +8,7 @@ use vug::codec::Codec;
 use vug::codec::s3dc::{Endpoints, Params};
 use vug::convert::{ImportOptions, import};
 use vug::geometry::{Coord, Extent, Region};
-use vug::grid::{Grid, SlabReader, View};
+use vug::grid::{Grid, View};
 use vug::voxel::Sample;
 use vug::with_sample;
 

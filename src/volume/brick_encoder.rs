@@ -161,11 +161,11 @@ impl BrickEncoder {
         let error = measure(&self.codec, &payload, src)?;
         let mut stats = BrickStats { payload: payload.len() as u64, ..BrickStats::default() };
         let mut flags = if error.max_abs == 0.0 { NodeFlags::LOSSLESS } else { NodeFlags::default() };
-        if self.zstd {
-            if let Some(smaller) = supercompression::compress(&payload)? {
-                payload = smaller;
-                flags = flags | NodeFlags::ZSTD;
-            }
+        if self.zstd
+            && let Some(smaller) = supercompression::compress(&payload)?
+        {
+            payload = smaller;
+            flags = flags | NodeFlags::ZSTD;
         }
         stats.stored = payload.len() as u64;
         stats.lossless = if self.weigh_lossless { self.lossless_len(src)? } else { 0 };

@@ -105,10 +105,11 @@ impl Volume {
     #[inline]
     pub(super) fn payload(&self, found: &Found<'_>, layout: usize) -> Result<Payload<'_>> {
         let node = found.node();
-        if !node.flags.contains(NodeFlags::ZSTD) && found.page.is_some_and(|p| p.known(found.slot).is_checked()) {
-            if let Some(bytes) = self.stored_slice(node) {
-                return Ok(Payload::Slice(bytes));
-            }
+        if !node.flags.contains(NodeFlags::ZSTD)
+            && found.page.is_some_and(|p| p.known(found.slot).is_checked())
+            && let Some(bytes) = self.stored_slice(node)
+        {
+            return Ok(Payload::Slice(bytes));
         }
         self.payload_slow(found, layout, None)
     }

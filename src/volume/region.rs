@@ -94,13 +94,13 @@ impl Volume {
         let brick = c.map(|v| v >> self.info().brick_log2);
         let found = self.find(self.tree(at)?, at.lod, brick)?;
         let mut region = self.head.octree.brick_region(at.lod, brick);
-        if found.node().kind == NodeKind::Stored {
-            if let Codec::S3dc(params) = self.codec_of(found.node(), at.lod, brick)?.0.codec {
-                let block = params.block();
-                let b = block.to_array();
-                let start = std::array::from_fn(|a| region.start[a] + (c[a] - region.start[a]) / b[a] * b[a]);
-                region = Region::at(start, block).intersect(&region);
-            }
+        if found.node().kind == NodeKind::Stored
+            && let Codec::S3dc(params) = self.codec_of(found.node(), at.lod, brick)?.0.codec
+        {
+            let block = params.block();
+            let b = block.to_array();
+            let start = std::array::from_fn(|a| region.start[a] + (c[a] - region.start[a]) / b[a] * b[a]);
+            region = Region::at(start, block).intersect(&region);
         }
         Ok((region, self.read_region(at, region)?))
     }

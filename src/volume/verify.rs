@@ -73,7 +73,7 @@ pub fn verify(source: &dyn ByteSource, limits: &Limits, progress: &mut dyn FnMut
                     .and_then(|()| read(window.start, len))
             })
             .collect();
-        let found: Vec<Result<(u64, Option<(f64, f64)>)>> = group
+        let found: Vec<Result<Checked>> = group
             .par_iter()
             .zip(windows)
             .map(|(brick, window)| check_brick(&strict, &codecs, limits, brick, &window?))
@@ -97,14 +97,17 @@ pub fn verify(source: &dyn ByteSource, limits: &Limits, progress: &mut dyn FnMut
     VerifyReport { errors: strict.finish(&mut read), bricks: good, bytes }
 }
 
-/// Checks and decodes one brick; returns the length of its payload before zstd, and the range of its decoded voxels.
+/// Length of a payload before zstd, and the range of its decoded voxels.
+type Checked = (u64, Option<(f64, f64)>);
+
+/// Checks and decodes one brick.
 fn check_brick(
     strict: &Strict,
     codecs: &[Result<Codec>],
     limits: &Limits,
     brick: &StoredBrick,
     window: &[u8],
-) -> Result<(u64, Option<(f64, f64)>)> {
+) -> Result<Checked> {
     let stored = strict.check_brick(brick, window)?;
     let t = strict.head().descriptor.sample_type;
     let extent = strict.head().octree.brick_extent(brick.level, brick.brick);

@@ -186,8 +186,8 @@ fn sums<T: Fit>(block: &[T::Real], base: T::Real, coder: &Coder<T::Real>) -> Sum
         };
         let (whole, rest) = run.as_chunks::<LANES>();
         for samples in whole {
-            for l in 0..LANES {
-                add(l, samples[l]);
+            for (l, &v) in samples.iter().enumerate() {
+                add(l, v);
             }
         }
         for (l, &v) in rest.iter().enumerate() {

@@ -43,5 +43,5 @@ pub const fn eq6_max_error(s_bits: u32, i_bits: u8) -> u32 {
 #[must_use]
 pub const fn integer_error_bound(range: u32, q: u32) -> u32 {
     // spec: S3D-22
-    if range % q == 0 { range / q / 2 } else { (range + q) / (2 * q) }
+    if range.is_multiple_of(q) { range / q / 2 } else { (range + q) / (2 * q) }
 }
