@@ -20,7 +20,7 @@ fn noise(t: SampleType, len: usize, mut seed: u64, flat: u64) -> Vec<u8> {
         let v = if v % 11 < flat { 7 } else { v / 11 };
         match t {
             SampleType::F32 if v % 13 == 0 => out.extend((-0.0f32).to_ne_bytes()),
-            SampleType::F32 if v % 13 == 1 => out.extend(((v % 4000) as f32 * 1e35 - 2e38).to_ne_bytes()),
+            SampleType::F32 if v % 13 == 1 => out.extend((((v % 4000) as f32 - 2000.0) * 1e35).to_ne_bytes()),
             SampleType::F32 => out.extend(((v % 4000) as f32 * 0.37 - 300.0).to_ne_bytes()),
             _ => out.extend((v as u16).to_ne_bytes()),
         }
