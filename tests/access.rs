@@ -38,7 +38,7 @@ fn many_bricks() -> Vec<u8> {
     encode(&mut grid, &options).0
 }
 
-#[test] // spec: VAL-9
+#[test] // spec: VAL-7
 fn open_is_one_read_and_the_first_voxel_one_or_two_more() {
     let (_, small) = large();
     let volume = remote(&small);
@@ -196,4 +196,37 @@ fn outside_is_an_error() {
     assert_eq!(volume.read_brick(At::default(), [4, 0, 0]).unwrap_err().code(), Code::Range);
     let empty = Region { start: [5; 3], end: [5; 3] };
     assert_eq!(volume.read_region(At::default(), empty).unwrap_err().code(), Code::Range);
+}
+
+#[test]
+fn many_threads_may_read_one_volume() {
+    /// A source slow enough that all threads want the same page at once.
+    struct Slow(Vec<u8>);
+    impl ByteSource for Slow {
+        fn len(&self) -> u64 {
+            self.0.len() as u64
+        }
+        fn read_at(&self, offset: u64, out: &mut [u8]) -> vug::Result<()> {
+            std::thread::sleep(std::time::Duration::from_millis(2));
+            MemorySource(&self.0[..]).read_at(offset, out)
+        }
+    }
+    let bytes = many_bricks();
+    let whole = open(bytes.clone());
+    for round in 0..8 {
+        let volume = Volume::open(Slow(bytes.clone()), Limits::default()).unwrap();
+        std::thread::scope(|scope| {
+            for thread in 0..4u32 {
+                let (volume, whole) = (&volume, &whole);
+                scope.spawn(move || {
+                    for i in 0..20u32 {
+                        let c = [(i * 37 + round) % 320, (i * 11 + thread) % 320, i * 5 % 320];
+                        assert_eq!(volume.voxel(At::default(), c).unwrap(), whole.voxel(At::default(), c).unwrap());
+                    }
+                });
+            }
+        });
+        let counts = volume.brick_counts().unwrap();
+        assert_eq!(counts, whole.brick_counts().unwrap());
+    }
 }

@@ -121,6 +121,11 @@ fn exit_codes() {
         &["slice", "ball.vug", "--index", "50", "-o", "x.png"],
         &["slice", "ball.vug", "--colormap", "nosuch", "-o", "x.png"],
         &["compare", "ball.vug", "ball.vug", "--jobs", "0"],
+        &["encode", "ball.raw", "ball.raw", "--shape", "70,60,50", "--dtype", "u8", "--force"],
+        &["encode", "ball.raw", "x.nrrd", "--shape", "70,60,50", "--dtype", "u8"],
+        &["encode", "ball.raw", "x.vug", "--shape", "70,60,50", "--dtype", "u8", "--codec", "raw", "--block", "8"],
+        &["compare", "ball.vug", "ball.vug", "--shape", "70,60,50"],
+        &["slice", "ball.vug", "--dtype", "u8", "-o", "x.png"],
     ] {
         assert_eq!(code(args), 2, "{args:?}: {}", run(d, args).err);
     }

@@ -144,7 +144,7 @@ fn salvage_gives_what_is_whole() {
     assert!(saved.lost.iter().all(|l| l.error.code() == Code::Truncated));
 }
 
-#[test] // spec: BRK-7
+#[test] // spec: BRK-5
 fn salvage_finds_bricks_by_their_leaders_when_the_index_is_gone() {
     let extent = Extent::cube(64);
     let mut grid = support::noise(extent, |h| (h >> 24) as u8);
@@ -158,6 +158,30 @@ fn salvage_finds_bricks_by_their_leaders_when_the_index_is_gone() {
     let saved = volume.salvage(At::default(), Region::whole(extent)).unwrap();
     assert_eq!((saved.lost.len(), saved.found_by_leader), (0, 8));
     assert_eq!(saved.grid.bytes(), whole.bytes());
+}
+
+#[test]
+fn salvage_needs_neither_the_directory_nor_the_right_length() {
+    let extent = Extent::cube(64);
+    let mut grid = support::noise(extent, |h| (h >> 24) as u8);
+    let (bytes, _) = encode(&mut grid, &EncodeOptions { brick: Some(32), ..explicit(4, 4) });
+    let whole = open(bytes.clone()).read(At::default()).unwrap();
+    let directory = open(bytes.clone()).head().section(*b"PDIR").unwrap().offset as usize;
+    let mut flipped = bytes.clone();
+    flipped[directory + 9] ^= 0x10;
+    let longer = [&bytes[..], &[1, 2, 3]].concat();
+    for (damaged, code, by_leader) in [(flipped, Code::SectionCrc, 8), (longer, Code::Size, 0)] {
+        let error = Volume::open(MemorySource(damaged.clone()), Limits::default()).unwrap_err();
+        assert_eq!(error.code(), code);
+        let volume = Volume::open_salvage(MemorySource(damaged), Limits::default()).unwrap();
+        let saved = volume.salvage(At::default(), Region::whole(extent)).unwrap();
+        assert_eq!((saved.lost.len(), saved.found_by_leader), (0, by_leader));
+        assert!(saved.grid.bytes() == whole.bytes());
+    }
+    // What a reader is willing to hold is a limit here, too.
+    let limits = Limits { result_bytes: 1000, ..Limits::default() };
+    let volume = Volume::open_salvage(MemorySource(bytes), limits).unwrap();
+    assert_eq!(volume.salvage(At::default(), Region::whole(extent)).err().unwrap().code(), Code::Limit);
 }
 
 #[test] // spec: VAL-6

@@ -69,6 +69,10 @@ fn rates_are_kept() {
         assert!(rmse <= last, "more bits are never worse");
         last = rmse;
     }
+    // Coarser levels count.
+    let options = EncodeOptions { codec: CodecChoice::S3dc, levels: 0, brick: Some(16), ..with(Quality::Rate(4.5)) };
+    let (volume, _) = checked(&mut grid, &options);
+    assert!(volume.info().lod_count > 1 && volume.info().payload_bytes as f64 * 8.0 / e.voxels() as f64 <= 4.5);
     let mut file = std::io::Cursor::new(Vec::new());
     let options = EncodeOptions { codec: CodecChoice::S3dc, ..with(Quality::Rate(0.01)) };
     let error = vug::volume::encode(&mut grid, &mut file, &options, &mut |_, _| {}).unwrap_err();

@@ -126,3 +126,17 @@ fn an_index_that_names_one_page_a_thousand_times_is_refused_before_it_is_loaded(
         }
     }
 }
+
+#[test] // spec: BRK-7
+fn a_payload_of_the_wrong_length_is_refused() {
+    let mut b = small(Extent::cube(16), 4);
+    let page = section(&b, b"PAGE").1;
+    let (offset, len) = (u64_at(&b, page), u32::from_le_bytes(b[page + 8..page + 12].try_into().unwrap()) - 16);
+    b[page + 8..page + 12].copy_from_slice(&len.to_le_bytes());
+    put_crc(&mut b, page + 12, offset..offset + len as usize);
+    seal_index(&mut b);
+    let volume = Volume::open(MemorySource(b.clone()), Limits::default()).unwrap();
+    let error = volume.voxel(At::default(), [0; 3]).unwrap_err();
+    assert_eq!((error.code(), error.offset()), (Code::Size, Some(offset as u64)));
+    assert!(!verify(&b).is_empty());
+}

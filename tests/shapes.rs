@@ -273,3 +273,28 @@ fn impossible_shapes_are_errors() {
     let error = Volume::open(MemorySource(bytes), limits).unwrap_err();
     assert_eq!(error.code(), Code::Limit);
 }
+
+#[test]
+fn a_writer_takes_only_bricks_that_fit() {
+    use vug::codec::Codec;
+    use vug::volume::{Shape, VolumeWriter};
+    let shape = Shape::single(Extent::new(70, 64, 64), SampleType::U8);
+    let mut writer =
+        VolumeWriter::create(std::io::Cursor::new(Vec::new()), shape, Codec::Raw, 6, &EncodeOptions::default())
+            .unwrap();
+    let small = Grid::zeros(Extent::cube(20), SampleType::U8).unwrap();
+    let float = Grid::from_samples(Extent::cube(64), &vec![f32::NAN; 64 * 64 * 64]).unwrap();
+    let right = Grid::zeros(Extent::cube(64), SampleType::U8).unwrap();
+    let code = |r: vug::Result<()>| r.unwrap_err().code();
+    assert_eq!(code(writer.write_brick(At::default(), [0; 3], small.view())), Code::Param);
+    assert_eq!(code(writer.write_brick(At::default(), [0; 3], float.view())), Code::Param);
+    assert_eq!(code(writer.write_brick(At::default(), [1, 0, 0], right.view())), Code::Param);
+    assert_eq!(code(writer.write_brick(At::default(), [2, 0, 0], right.view())), Code::Range);
+    writer.write_brick(At::default(), [0; 3], right.view()).unwrap();
+    // A brick that could never be stored is refused before the first one.
+    let options = EncodeOptions { brick: Some(256), ..support::explicit(4, 1) };
+    let mut file = std::io::Cursor::new(Vec::new());
+    let mut grid = support::noise(Extent::cube(256), |h| h as f32);
+    let error = vug::volume::encode(&mut grid, &mut file, &options, &mut |_, _| {}).unwrap_err();
+    assert_eq!((error.code(), error.field()), (Code::Param, "brick"));
+}

@@ -26,6 +26,20 @@ pub(super) fn is_vug(path: &Path) -> Result<bool> {
     Ok(start.starts_with(&MAGIC[..4]) || path.extension().is_some_and(|e| e == "vug"))
 }
 
+/// Refuses `--shape` and `--dtype` where no file of `paths` would heed them.
+///
+/// # Errors
+/// `E_PARAM`.
+pub(super) fn check_import(paths: &[&Path], import: &args::Import) -> Result<()> {
+    if import.shape.is_some() && paths.iter().all(|p| Format::of_path(p) != Some(Format::Raw)) {
+        return Err(Error::param("shape", "only raw files need a shape; this one knows its own"));
+    }
+    if import.dtype.is_some() && paths.iter().all(|p| Format::of_path(p).is_none()) {
+        return Err(Error::param("dtype", "a .vug file knows its own type"));
+    }
+    Ok(())
+}
+
 /// What the arguments say of the file at `path`.
 ///
 /// # Errors

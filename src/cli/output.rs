@@ -41,7 +41,7 @@ pub(super) fn psnr_text(psnr: Option<f64>, identical: bool) -> String {
     match psnr {
         Some(db) => format!("{db:.2} dB"),
         None if identical => "inf (identical)".into(),
-        None => "undefined (constant reference)".into(),
+        None => "undefined (constant reference or infinite error)".into(),
     }
 }
 

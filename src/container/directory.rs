@@ -167,7 +167,10 @@ pub fn parse_chunk(bytes: &[u8], chunk: &ChunkRef, head: &Head) -> Result<Vec<Pa
     check_len(bytes, chunk.byte_len(), chunk.offset, "directory")?;
     let computed = crc32(bytes);
     if computed != chunk.crc {
-        let message = format!("CRC {computed:08x} computed, {:08x} stored; the directory is damaged", chunk.crc);
+        let message = format!(
+            "CRC {computed:08x} computed, {:08x} stored; the directory is damaged, fetch the file again or use salvage",
+            chunk.crc
+        );
         return Err(Error::at(Code::DirCrc, chunk.offset, "directory", message));
     }
     let section = head.section_range(section::PAGE);
@@ -209,7 +212,10 @@ pub fn parse_page(bytes: &[u8], entry: &PageEntry, ordinal: u64, head: &Head) ->
     check_len(bytes, entry.byte_len(), entry.offset, "page")?;
     let computed = crc32(bytes);
     if computed != entry.crc {
-        let message = format!("CRC {computed:08x} computed, {:08x} stored; the index page is damaged", entry.crc);
+        let message = format!(
+            "CRC {computed:08x} computed, {:08x} stored; the index page is damaged, fetch the file again or use salvage",
+            entry.crc
+        );
         return Err(Error::at(Code::PageCrc, entry.offset, "page", message));
     }
     let (_, level, _) = head.octree.page_position(ordinal);

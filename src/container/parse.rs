@@ -39,6 +39,8 @@ pub struct Head {
     pub octree: Octree,
     /// Root directory: the chunks that are present, sorted by ordinal.
     pub directory: Vec<ChunkRef>,
+    /// Why the directory could not be read, in a file that is being salvaged; it is then empty.
+    pub directory_lost: Option<String>,
     /// Names of the feature bits that are set, from `FNAM` or this version's own.
     pub feature_names: Vec<FeatureName>,
     /// The first bytes of the file, at most 16 KiB: what lies in them need not be read again.
@@ -175,18 +177,19 @@ impl HeadParser {
         self.check_limits(&descriptor, vold, &superblock)?;
         let octree = Octree::new(&descriptor)?;
 
-        limits::check("section.stored_length", pdir.stored_len, self.limits.table_bytes).map_err(|e| at(e, pdir))?;
-        let bytes = self.get(pdir.offset, pdir.stored_len, "PDIR")?;
-        pdir.check_crc(bytes)?;
-        debug_assert_eq!(bytes.len() % REF_BYTES, 0, "checked with the table");
-        let directory = directory::parse_refs(bytes, pdir.offset, &octree, superblock.file_len)?;
+        let (directory, directory_lost) = match self.read_directory(pdir, &octree, &superblock) {
+            Ok(directory) => (directory, None),
+            // Bricks can still be found by their leaders.
+            Err(Stop::Fail(e)) if self.salvage => (Vec::new(), Some(e.to_string())),
+            Err(stop) => return Err(stop),
+        };
 
         let named = match sections.iter().find(|s| s.fourcc == section::FNAM) {
             // A name is worth no extra read: beyond the head it is left to the strict validator.
             Some(s) => match slice(self.head(), 0, s.offset, s.stored_len) {
                 Some(bytes) => {
-                    s.check_crc(bytes)?;
-                    features::read_from(bytes, s.offset)?
+                    let names = s.check_crc(bytes).and_then(|()| features::read_from(bytes, s.offset));
+                    if self.salvage { names.unwrap_or_default() } else { names? }
                 }
                 None => Vec::new(),
             },
@@ -200,6 +203,7 @@ impl HeadParser {
             descriptor,
             octree,
             directory,
+            directory_lost,
             head_bytes: self.head().to_vec(),
             source_len: self.source_len,
         })
@@ -216,7 +220,7 @@ impl HeadParser {
                 format!("the file ends here, {} bytes short; fetch it again or use salvage", len - there),
             ));
         }
-        if there > len {
+        if there > len && !self.salvage {
             return Err(Error::at(
                 Code::Size,
                 40,
@@ -225,6 +229,14 @@ impl HeadParser {
             ));
         }
         Ok(())
+    }
+
+    fn read_directory(&self, pdir: &SectionEntry, octree: &Octree, s: &Superblock) -> Result<Vec<ChunkRef>, Stop> {
+        limits::check("section.stored_length", pdir.stored_len, self.limits.table_bytes).map_err(|e| at(e, pdir))?;
+        let bytes = self.get(pdir.offset, pdir.stored_len, "PDIR")?;
+        pdir.check_crc(bytes)?;
+        debug_assert_eq!(bytes.len() % REF_BYTES, 0, "checked with the table");
+        Ok(directory::parse_refs(bytes, pdir.offset, octree, s.file_len)?)
     }
 
     fn read_table(&self, superblock: &Superblock) -> Result<Vec<SectionEntry>, Stop> {

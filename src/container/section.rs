@@ -205,7 +205,10 @@ impl SectionEntry {
             return Ok(());
         }
         let name = show(self.fourcc);
-        let message = format!("section {name}: CRC {computed:08x} computed, {:08x} stored; it is damaged", self.crc);
+        let message = format!(
+            "section {name}: CRC {computed:08x} computed, {:08x} stored; it is damaged, fetch the file again",
+            self.crc
+        );
         Err(Error::at(Code::SectionCrc, self.offset, name, message))
     }
 }

@@ -135,7 +135,10 @@ impl Superblock {
                 Code::HeaderCrc,
                 20,
                 "superblock.crc",
-                format!("CRC {computed:08x} computed, {:08x} stored; the first 256 bytes are damaged", wire.crc),
+                format!(
+                    "CRC {computed:08x} computed, {:08x} stored; the first 256 bytes are damaged, fetch the file again",
+                    wire.crc
+                ),
             ));
         }
         wire.check()
@@ -262,7 +265,9 @@ fn check_version(bytes: &[u8]) -> Result<()> {
                 Code::Size,
                 16,
                 "superblock.header_length",
-                format!("{len} bytes instead of {SUPERBLOCK_BYTES}; the first 256 bytes are damaged"),
+                format!(
+                    "{len} bytes instead of {SUPERBLOCK_BYTES}; the first 256 bytes are damaged, fetch the file again"
+                ),
             ));
         }
     }

@@ -41,7 +41,9 @@ pub(super) fn read_from(bytes: &[u8], superblock: &Superblock) -> Result<Vec<Sec
     let computed = crc32(bytes);
     if computed != superblock.section_table_crc {
         let stored = superblock.section_table_crc;
-        let message = format!("CRC {computed:08x} computed, {stored:08x} stored; the section table is damaged");
+        let message = format!(
+            "CRC {computed:08x} computed, {stored:08x} stored; the section table is damaged, fetch the file again"
+        );
         return Err(Error::at(Code::SectionCrc, start, "section_table", message));
     }
     let mut sections: Vec<SectionEntry> = Vec::with_capacity(bytes.len() / ENTRY_BYTES);

@@ -132,7 +132,12 @@ fn split(path: &Path) -> Result<(PathBuf, String)> {
         .file_name()
         .ok_or_else(|| Error::new(Code::Source, "path", format!("{} names no file", path.display())))?;
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    Ok((folder.to_owned(), name.to_string_lossy().into_owned()))
+    // File systems take 255 bytes: a long name is shortened, the temporary one has more to say.
+    let mut name = name.to_string_lossy().into_owned();
+    while name.len() > 200 {
+        name.pop();
+    }
+    Ok((folder.to_owned(), name))
 }
 
 /// Removes what dead writers of the same destination have left. Failure to do so harms nobody.

@@ -57,7 +57,7 @@ pub(super) fn choose(
         }
         quality => match search(reader, options, quality, null, progress)? {
             Some(choice) => choice,
-            None if options.codec == CodecChoice::Auto && !matches!(quality, Quality::Rate(_)) => {
+            None if options.codec == CodecChoice::Auto => {
                 return raw(vec![format!("s3dc cannot reach {}: stored without loss as raw", describe(quality))]);
             }
             None => {
@@ -133,14 +133,26 @@ fn search(
         let stats: Result<Vec<BrickStats>> = encoders.iter().map(|e| Ok(e.encode(view)?.stats)).collect();
         Ok((stats?, view.extent.voxels()))
     };
-    for_each_brick(reader, 0, brick_log2, null, work, |_, (stats, voxels)| {
+    for_each_brick(reader, 0, brick_log2, null, &work, |_, (stats, voxels)| {
         for (total, stats) in totals.iter_mut().zip(&stats) {
             total.merge(stats);
         }
         progress(voxels);
         Ok(())
     })?;
+    if matches!(quality, Quality::Rate(_)) {
+        // Coarser levels take payload, too; what they cost counts, how good they are does not.
+        for lod in 1..options.lod_count(reader.extent(), brick_log2)? {
+            for_each_brick(reader, lod, brick_log2, null, &work, |_, (stats, _)| {
+                for (total, stats) in totals.iter_mut().zip(&stats) {
+                    total.payload += stats.payload;
+                }
+                Ok(())
+            })?;
+        }
+    }
     let voxels = reader.extent().voxels() as f64;
+    let least = totals.iter().map(|s| s.payload).min().unwrap_or(0) as f64 * 8.0 / voxels;
     let best = match quality {
         Quality::Rate(rate) => totals
             .iter()
@@ -149,6 +161,12 @@ fn search(
             .min_by(|(_, a), (_, b)| a.error.sum_sq.total_cmp(&b.error.sum_sq).then(a.payload.cmp(&b.payload))),
         _ => totals.iter().enumerate().filter(|(_, s)| holds(s, quality)).min_by_key(|(_, s)| s.payload),
     };
+    if let (Quality::Rate(rate), None) = (quality, best) {
+        return Err(Error::param(
+            "rate",
+            format!("{rate} bits per voxel are too few: this volume takes at least {least:.3}"),
+        ));
+    }
     Ok(best.map(|(i, _)| Choice { codec: encoders[i].codec, brick_log2, notes: Vec::new() }))
 }
 

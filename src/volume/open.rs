@@ -47,7 +47,8 @@ impl Volume {
         Volume::open_with(Box::new(source), limits, parser)
     }
 
-    /// Opens what is left of a damaged file: a wrong file length is no error, everything else in the head still is.
+    /// Opens what is left of a damaged file: a wrong length, a damaged directory and damaged feature names are no errors
+    /// here; superblock, section table and volume descriptor must be whole.
     ///
     /// # Errors
     /// As [`Volume::open`] for the head; damaged pages and bricks show up when they are read.
@@ -166,8 +167,10 @@ impl Volume {
         }
         let opened = &self.head.head_bytes[..crate::container::SUPERBLOCK_BYTES];
         match self.source.read(0, crate::container::SUPERBLOCK_BYTES) {
+            // A source that fails now says nothing about the file.
+            Err(_) => error,
             Ok(now) if *now == *opened => error,
-            _ => Error::at(
+            Ok(_) => Error::at(
                 Code::Replaced,
                 0,
                 "superblock",

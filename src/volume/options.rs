@@ -28,11 +28,11 @@ pub enum Quality {
         /// Block extent in voxels.
         block: Extent,
     },
-    /// The smallest payload of which no voxel is further from the source than this, after rounding.
+    /// The smallest payload, among 1, 2, 4, 8 bits and blocks of 2³ to 32³, of which no voxel is further from the source than this, after rounding.
     MaxError(Bound),
     /// The smallest payload whose PSNR (peak: range of the source) reaches this, in dB.
     Psnr(f64),
-    /// The best PSNR whose payload before zstd takes at most this many bits per voxel.
+    /// The best PSNR whose payload before zstd, all levels, takes at most this many bits per voxel of level 0.
     Rate(f64),
 }
 

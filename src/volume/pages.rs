@@ -142,6 +142,9 @@ impl Pages {
     /// The page with this ordinal, or `None` where all its nodes are EMPTY.
     #[inline]
     pub(super) fn page(&self, head: &Head, source: &Counted, ordinal: u64) -> Result<Option<&Page>> {
+        if let Some(why) = &head.directory_lost {
+            return Err(Error::new(Code::DirCrc, "PDIR", why.clone()));
+        }
         let chunk = ordinal / CHUNK_PAGES;
         // Mostly every chunk is present, so that the first guess is right.
         let guess = usize::try_from(chunk).unwrap_or(usize::MAX);
@@ -221,26 +224,24 @@ impl Pages {
     fn load_page<'a>(&self, head: &Head, source: &Counted, slot: &'a PageSlot, ordinal: u64) -> Result<&'a Page> {
         let len = slot.entry.byte_len();
         let section = head.section_range(*b"PAGE");
-        if self.loaded.fetch_add(len as u64, Ordering::Relaxed) + len as u64 > section.end - section.start {
-            self.loaded.fetch_sub(len as u64, Ordering::Relaxed);
-            return Err(Error::at(
-                Code::SectionOverlap,
-                slot.entry.offset,
-                "page_entry.offset",
-                "the pages are longer than their section: some overlap, the index is not to be trusted",
-            ));
+        if self.loaded.load(Ordering::SeqCst) + len as u64 > section.end - section.start {
+            // Another thread may have loaded and counted this very page in the meantime.
+            return slot.page.get().ok_or_else(|| {
+                Error::at(
+                    Code::SectionOverlap,
+                    slot.entry.offset,
+                    "page_entry.offset",
+                    "the pages are longer than their section: some overlap, the index is not to be trusted",
+                )
+            });
         }
         let nodes = match head.resident(slot.entry.offset, len as u64) {
-            Some(bytes) => container::parse_page(bytes, &slot.entry, ordinal, head),
-            None => source
-                .read(slot.entry.offset, len)
-                .and_then(|bytes| container::parse_page(&bytes, &slot.entry, ordinal, head)),
+            Some(bytes) => container::parse_page(bytes, &slot.entry, ordinal, head)?,
+            None => container::parse_page(&source.read(slot.entry.offset, len)?, &slot.entry, ordinal, head)?,
         };
-        let page = nodes.map(|nodes| Page::new(nodes, head.descriptor.null_sample().to_raw()));
-        let page = page.inspect_err(|_| _ = self.loaded.fetch_sub(len as u64, Ordering::Relaxed))?;
-        if slot.page.set(page).is_err() {
-            // Another thread was faster, with the same page: it is counted once.
-            self.loaded.fetch_sub(len as u64, Ordering::Relaxed);
+        // Counted by the one thread whose page stays.
+        if slot.page.set(Page::new(nodes, head.descriptor.null_sample().to_raw())).is_ok() {
+            self.loaded.fetch_add(len as u64, Ordering::SeqCst);
         }
         Ok(slot.page.get().expect("set by this thread or another"))
     }

@@ -7,7 +7,8 @@ use super::pages::Page;
 use crate::container::{LEADER_BYTES, Leader, Node, NodeKind, find_leaders};
 use crate::error::{Error, Result};
 use crate::geometry::{Coord, Extent, Region};
-use crate::grid::{Grid, ViewMut};
+use crate::grid::{Grid, ViewMut, dense_len};
+use crate::limits;
 use crate::with_sample;
 use std::collections::HashMap;
 
@@ -46,7 +47,9 @@ impl Volume {
     pub fn salvage(&self, at: At, region: Region) -> Result<Salvaged> {
         region.check(self.extent_at(at)?)?;
         let tree = self.tree(at)?;
-        let mut grid = Grid::zeros(region.extent(), self.info().sample_type)?;
+        let t = self.info().sample_type;
+        limits::check("region", dense_len(region.extent(), t)? as u64, self.limits.result_bytes)?;
+        let mut grid = Grid::zeros(region.extent(), t)?;
         let mut leaders: Option<HashMap<Coord, Page>> = None;
         let (mut lost, mut found_by_leader) = (Vec::new(), 0);
         let log2 = self.info().brick_log2;
@@ -113,7 +116,8 @@ impl Volume {
         while offset < len {
             // Windows overlap by a leader, so that none is cut in two.
             let window = usize::try_from(len - offset).map_or(SCAN_BYTES, |left| left.min(SCAN_BYTES));
-            let Ok(bytes) = self.source.read(offset, window) else { break };
+            // A window that cannot be read loses its own leaders only.
+            let bytes = self.source.read(offset, window).unwrap_or_default();
             for (at, leader) in find_leaders(&bytes, offset, &self.head.superblock.file_id) {
                 let wanted = leader.tree == tree && leader.level == lod;
                 if wanted && bricks.contains(leader.brick) {

@@ -10,6 +10,7 @@ use crate::container::{
 use crate::error::{Code, Error, Result};
 use crate::geometry::{Coord, Extent};
 use crate::grid::View;
+use crate::limits;
 use crate::metrics::psnr;
 use crate::voxel::{SampleType, SampleValue};
 use std::io::{Seek, Write};
@@ -102,6 +103,13 @@ impl<W: Write + Seek> VolumeWriter<W> {
         shape.extent.check()?;
         codec.supports(shape.sample_type)?;
         options.placement.check()?;
+        let largest = shape.extent.min(Extent::cube(1 << brick_log2));
+        let payload = codec.payload_len(shape.sample_type, largest);
+        if payload > limits::MAX_BRICK_BYTES {
+            let message =
+                format!("a brick would take {payload} bytes, more than 64 MiB; use smaller bricks or larger blocks");
+            return Err(Error::param("brick", message));
+        }
         if let Some(meta) = &options.meta {
             // Now, not after hours of encoding.
             check_meta(meta.as_bytes(), 0).map_err(|e| Error::new(e.code(), "meta", e.message()))?;
@@ -148,12 +156,28 @@ impl<W: Write + Seek> VolumeWriter<W> {
     /// # Errors
     /// `E_RANGE`, `E_PARAM` where brick or samples do not fit the volume, `E_NONFINITE`, `E_SOURCE`.
     pub fn write_brick(&mut self, at: At, brick: Coord, samples: View<'_>) -> Result<()> {
+        self.check_brick(at, brick)?;
+        let wanted = self.octree.brick_extent(at.lod, brick);
+        if samples.extent != wanted || samples.sample_type != self.descriptor.sample_type {
+            let (e, t, own) = (samples.extent, samples.sample_type, self.descriptor.sample_type);
+            let message = format!("{e} {t} given for brick {brick:?} of {wanted} {own} (x, y, z)");
+            return Err(Error::param("samples", message));
+        }
         let encoded = self.encoder().encode(samples).map_err(|e| self.locate(e, samples, at, brick))?;
         self.put(at, brick, encoded)
     }
 
     pub(super) fn encoder(&self) -> BrickEncoder {
         self.encoder.clone()
+    }
+
+    fn check_brick(&self, at: At, brick: Coord) -> Result<()> {
+        let d = &self.descriptor;
+        let known = at.time < d.time_steps && at.channel < d.channels && at.lod < d.lod_count;
+        if known && self.octree.levels[usize::from(at.lod)].bricks.contains(brick) {
+            return Ok(());
+        }
+        Err(Error::new(Code::Range, "brick", format!("{at:?} has no brick {brick:?} (x, y, z)")))
     }
 
     /// Gives a non-finite sample its position in the volume instead of in the brick.
@@ -170,11 +194,8 @@ impl<W: Write + Seek> VolumeWriter<W> {
 
     /// Writes an encoded brick.
     pub(super) fn put(&mut self, at: At, brick: Coord, encoded: EncodedBrick) -> Result<()> {
+        self.check_brick(at, brick)?;
         let d = &self.descriptor;
-        let known = at.time < d.time_steps && at.channel < d.channels && at.lod < d.lod_count;
-        if !known || !self.octree.levels[usize::from(at.lod)].bricks.contains(brick) {
-            return Err(Error::new(Code::Range, "brick", format!("{at:?} has no brick {brick:?} (x, y, z)")));
-        }
         let tree = at.time * d.channels + at.channel;
         let EncodedBrick { node, payload, stats } = encoded;
         self.totals.payload += stats.payload;

@@ -1,7 +1,7 @@
 //! `vug compare`: how far two volumes are apart.
 
 use crate::cli::args::Compare;
-use crate::cli::load::load;
+use crate::cli::load::{check_import, load};
 use crate::cli::output::{Verdict, number, progress, psnr_text};
 use crate::error::Result;
 use crate::metrics::{Comparison, compare};
@@ -9,6 +9,7 @@ use crate::volume::Bound;
 use serde_json::{Value, json};
 
 pub(super) fn run(args: &Compare) -> Result<Verdict> {
+    check_import(&[&args.a, &args.b], &args.import)?;
     let bar = progress(args.common.quiet || args.common.json, "comparing");
     let a = load(&args.a, &args.import)?;
     let b = load(&args.b, &args.import)?;

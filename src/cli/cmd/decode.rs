@@ -6,8 +6,8 @@ use crate::cli::output::{Verdict, error_json, progress};
 use crate::convert::{ExportInfo, Target};
 use crate::error::{Error, Result};
 use crate::geometry::{Coord, Region};
-use crate::grid::Grid;
-use crate::limits::Limits;
+use crate::grid::{Grid, dense_len};
+use crate::limits::{self, Limits};
 use crate::source::{AtomicFile, FileSource};
 use crate::volume::{At, LostBrick, Volume};
 use serde_json::{Value, json};
@@ -22,11 +22,18 @@ pub(super) fn run(args: &Decode) -> Result<Verdict> {
         Volume::open(source, Limits::default())?
     };
     let at = At::lod(args.level);
-    let extent = volume.levels().nth(usize::from(args.level));
-    let region = args.region.or(extent.map(Region::whole)).unwrap_or(Region { start: [0; 3], end: [0; 3] });
+    let levels = volume.levels().len();
+    let Some(extent) = volume.levels().nth(usize::from(args.level)) else {
+        return Err(Error::param("level", format!("the file has levels 0 to {}, not {}", levels - 1, args.level)));
+    };
+    let region = args.region.unwrap_or(Region::whole(extent));
+    region.check(extent)?;
     let bar = progress(args.common.quiet || args.common.json, "decoding");
     let (grid, lost) = if args.salvage {
         let salvaged = volume.salvage(at, region)?;
+        if salvaged.found_by_leader > 0 {
+            eprintln!("note: the index is damaged; {} bricks were found without it", salvaged.found_by_leader);
+        }
         (salvaged.grid, salvaged.lost)
     } else {
         (decode(&volume, at, region, &bar)?, Vec::new())
@@ -57,10 +64,8 @@ pub(super) fn run(args: &Decode) -> Result<Verdict> {
 
 /// Decodes a region in slabs, so that the bar moves.
 fn decode(volume: &Volume, at: At, region: Region, bar: &indicatif::ProgressBar) -> Result<Grid> {
-    let whole = volume.levels().nth(usize::from(at.lod));
-    if let Some(extent) = whole {
-        region.check(extent)?;
-    }
+    let t = volume.info().sample_type;
+    limits::check("region", dense_len(region.extent(), t)? as u64, Limits::default().result_bytes)?;
     let mut grid = Grid::zeros(region.extent(), volume.info().sample_type)?;
     bar.set_length(u64::from(region.extent().z));
     let step = 4 << volume.info().brick_log2;

@@ -1,19 +1,25 @@
 //! `vug encode`: a foreign volume becomes a `.vug` file.
 
 use crate::cli::args::{CodecArg, Encode, EndpointsArg, NanArg};
-use crate::cli::load::import_options;
+use crate::cli::load::{check_import, import_options};
 use crate::cli::output::{Verdict, bytes_text, number, progress, psnr_text};
 use crate::codec::s3dc::Endpoints;
-use crate::convert;
-use crate::error::Result;
+use crate::convert::{self, Format};
+use crate::error::{Error, Result};
 use crate::geometry::Extent;
 use crate::source::AtomicFile;
 use crate::volume::{self, CodecChoice, EncodeOptions, EncodeReport, NonFinite, Quality};
+use crate::voxel::SampleType;
 use serde_json::{Value, json};
+use std::path::Path;
 
 pub(super) fn run(args: &Encode) -> Result<Verdict> {
+    check(args)?;
     let mut source = convert::import(&args.source, &import_options(&args.source, &args.import)?)?;
     let mut options = options(args);
+    if args.codec.is_none() && source.reader.sample_type() == SampleType::Rgb8 {
+        options.codec = CodecChoice::Auto; // s3dc is for scalars
+    }
     options.placement = source.placement.clone();
     options.value_map = source.value_map;
     options.meta = Some(meta(args, &source.header));
@@ -40,6 +46,24 @@ pub(super) fn run(args: &Encode) -> Result<Verdict> {
         eprintln!("note: {note}");
     }
     Ok(Verdict::Ok)
+}
+
+/// What no codec would notice: a target that would destroy the source or mislead, options that have no effect.
+fn check(args: &Encode) -> Result<()> {
+    let same = |a: &Path, b: &Path| matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b);
+    if same(&args.source, &args.target) {
+        return Err(Error::param("target", "the target is the source itself, which would be lost; give another name"));
+    }
+    if let Some(format) = Format::of_path(&args.target) {
+        let message =
+            format!("{} has the ending of {}; give the .vug file another one", args.target.display(), format.name());
+        return Err(Error::param("target", message));
+    }
+    let s3dc_only = args.index_bits.is_some() || args.block.is_some() || args.endpoints == EndpointsArg::Fitted;
+    if args.codec == Some(CodecArg::Raw) && s3dc_only {
+        return Err(Error::param("codec", "raw has no index bits, blocks or end points; leave them out, or use s3dc"));
+    }
+    check_import(&[&args.source], &args.import)
 }
 
 fn options(args: &Encode) -> EncodeOptions {

@@ -1,7 +1,7 @@
 //! `vug slice`: one plane as a picture.
 
 use crate::cli::args::Slice;
-use crate::cli::load::load_plane;
+use crate::cli::load::{check_import, load_plane};
 use crate::cli::output::{Verdict, write_file};
 use crate::cli::picture::{ColorMap, Picture, difference, legend, scaled, slice, spacing_on_screen, stacked};
 use crate::error::{Error, Result};
@@ -12,6 +12,11 @@ use serde_json::json;
 const SMALL: u32 = 256;
 
 pub(super) fn run(args: &Slice) -> Result<Verdict> {
+    let others = args.against.iter().map(|p| p.as_path());
+    check_import(&std::iter::once(&*args.file).chain(others).collect::<Vec<_>>(), &args.import)?;
+    if args.against.is_some() && args.level > 0 {
+        return Err(Error::param("level", "a coarser level cannot be compared with the source; use level 0"));
+    }
     let map: ColorMap = args.colormap.as_deref().map(str::parse).transpose()?.unwrap_or_default();
     let (loaded, index) = load_plane(&args.file, &args.import, args.level, args.axis, args.index)?;
     let view = loaded.plane.view();

@@ -31,16 +31,22 @@ pub trait Kernel: Fit {
 }
 
 /// Floor of a number in 0..=256.
+///
+/// # Safety
+/// `t` is finite and fits an i32.
 #[inline(always)]
-fn floor32(t: f32) -> u8 {
-    // SAFETY: the callers' numbers are finite and in 0..=256, see there.
+unsafe fn floor32(t: f32) -> u8 {
+    // SAFETY: the caller's promise.
     unsafe { t.to_int_unchecked::<i32>() as u8 }
 }
 
 /// Floor of a number in 0..=256.
+///
+/// # Safety
+/// `t` is finite and fits an i32.
 #[inline(always)]
-fn floor64(t: f64) -> i32 {
-    // SAFETY: the callers' numbers are finite and in 0..=256, see there.
+unsafe fn floor64(t: f64) -> i32 {
+    // SAFETY: the caller's promise.
     unsafe { t.to_int_unchecked::<i32>() }
 }
 
@@ -78,15 +84,16 @@ fn integer_indices<T: Copy + Into<f32>>(table: &Scaled, row: &[T], out: &mut [u8
             let v: f32 = v.into();
             let v = if v < low { low } else { v };
             let v = if v > high { high } else { v };
-            // At most q + 0.5 and the roundings.
-            *to = floor32((v - low) * scale + (0.5 + TIE as f32));
+            // SAFETY: low ≤ v ≤ high are finite, so that the number is at most q + 0.5 and the roundings.
+            *to = unsafe { floor32((v - low) * scale + (0.5 + TIE as f32)) };
         }
     } else {
         for ((to, &v), ((&low, &high), &scale)) in out.iter_mut().zip(row).zip(limits.zip(&table.scale)) {
             let v: f32 = v.into();
             let v = if v < low { low } else { v };
             let v = if v > high { high } else { v };
-            *to = floor64(f64::from(v - low) * scale + (0.5 + TIE)) as u8;
+            // SAFETY: as above.
+            *to = unsafe { floor64(f64::from(v - low) * scale + (0.5 + TIE)) } as u8;
         }
     }
 }
@@ -220,7 +227,8 @@ impl Kernel for f32 {
         for ((to, &v), ((&low, &high), &scale)) in out.iter_mut().zip(row).zip(limits.zip(&table.scale)) {
             let v = if v < low { low } else { v };
             let v = if v > high { high } else { v };
-            *to = floor64((f64::from(v) - f64::from(low)) * scale + 0.5).min(q.cast_signed()) as u8;
+            // SAFETY: samples were found finite and are clamped to finite end points: the number is below q + 1.
+            *to = unsafe { floor64((f64::from(v) - f64::from(low)) * scale + 0.5) }.min(q.cast_signed()) as u8;
         }
     }
     #[inline(always)]
