@@ -8,11 +8,13 @@
 
 use super::encode::push_end_points;
 use super::fast_encode_index::Kernel;
+use super::point::prefetch;
 use super::{Endpoints, Layout, Params, with_scalar};
 use crate::codec::non_finite;
 use crate::error::Result;
 use crate::grid::View;
 use std::borrow::Cow;
+use std::ops::Range;
 
 /// Appends the payload of a brick. The view has been checked.
 ///
@@ -64,6 +66,11 @@ fn whole<T: Kernel>(layout: &Layout, src: View<'_>, out: &mut Vec<u8>) -> Result
         for by in 0..blocks.y {
             let z = bz * block.z..((bz + 1) * block.z).min(src.extent.z);
             let y = by * block.y..((by + 1) * block.y).min(src.extent.y);
+            if by + 1 < blocks.y {
+                ask_ahead(&src, y.end..(y.end + block.y).min(src.extent.y), z.clone());
+            } else if bz + 1 < blocks.z {
+                ask_ahead(&src, 0..block.y.min(src.extent.y), z.end..(z.end + block.z).min(src.extent.z));
+            }
             let pairs = layout.mmv_at([0, by, bz])..;
             let pairs = &mut mmv[pairs][..blocks.x as usize * 2 * T::BYTES];
             if !fitted {
@@ -99,6 +106,23 @@ fn whole<T: Kernel>(layout: &Layout, src: View<'_>, out: &mut Vec<u8>) -> Result
         }
     }
     Ok(())
+}
+
+/// Asks memory for the next row of blocks: rows of a brick lie far apart in a volume, where no machine guesses them.
+#[inline(always)]
+fn ask_ahead(src: &View<'_>, y: Range<u32>, z: Range<u32>) {
+    const LINE: usize = 64;
+    if (y.len() as u64) * (z.len() as u64) > 256 {
+        return; // more than a first cache holds until it is used
+    }
+    for z in z {
+        for y in y.clone() {
+            let start = y as usize * src.row_pitch + z as usize * src.slice_pitch;
+            for at in (start..start + src.extent.x as usize * src.sample_type.bytes()).step_by(LINE) {
+                prefetch(src.bytes, at);
+            }
+        }
+    }
 }
 
 /// Row (y, z), copied where it is not aligned.
