@@ -133,7 +133,7 @@ fn search(
         let stats: Result<Vec<BrickStats>> = encoders.iter().map(|e| Ok(e.encode(view)?.stats)).collect();
         Ok((stats?, view.extent.voxels()))
     };
-    for_each_brick(reader, 0, brick_log2, null, &work, |_, (stats, voxels)| {
+    for_each_brick(reader, 0, brick_log2, null, work, |_, (stats, voxels)| {
         for (total, stats) in totals.iter_mut().zip(&stats) {
             total.merge(stats);
         }
@@ -143,7 +143,7 @@ fn search(
     if matches!(quality, Quality::Rate(_)) {
         // Coarser levels take payload, too; what they cost counts, how good they are does not.
         for lod in 1..options.lod_count(reader.extent(), brick_log2)? {
-            for_each_brick(reader, lod, brick_log2, null, &work, |_, (stats, _)| {
+            for_each_brick(reader, lod, brick_log2, null, work, |_, (stats, _)| {
                 for (total, stats) in totals.iter_mut().zip(&stats) {
                     total.payload += stats.payload;
                 }

@@ -136,15 +136,26 @@ fn samples<'a, T: Kernel>(src: &View<'a>, y: u32, z: u32) -> Cow<'a, [T]> {
     }
 }
 
+/// Picks between what is known and the row, column by column. In chunks: rows of bricks are too short for the compiler's
+/// own unrolling, whose remainder would take them in small steps.
+#[inline(always)]
+fn merge<T: Kernel>(known: &mut [T], row: &[T], pick: impl Fn(T, T) -> T) {
+    let (chunks, rest) = row.as_chunks::<32>();
+    let (known_chunks, _) = known.as_chunks_mut::<32>();
+    for (known, row) in known_chunks.iter_mut().zip(chunks) {
+        // By value: in place, stores could alias loads, and the compiler would go one by one.
+        *known = std::array::from_fn(|i| pick(known[i], row[i]));
+    }
+    for (m, &v) in known[chunks.len() * 32..].iter_mut().zip(rest) {
+        *m = pick(*m, v);
+    }
+}
+
 /// Takes a row into the columns' ranges; whether all its samples may be stored.
 #[inline(always)]
 fn widen<T: Kernel>(columns: &mut Columns<T>, row: &[T]) -> bool {
-    for (min, &v) in columns.min.iter_mut().zip(row) {
-        *min = if v < *min { v } else { *min };
-    }
-    for (max, &v) in columns.max.iter_mut().zip(row) {
-        *max = if v > *max { v } else { *max };
-    }
+    merge(&mut columns.min, row, |m, v| if v < m { v } else { m });
+    merge(&mut columns.max, row, |m, v| if v > m { v } else { m });
     T::all_storable(row)
 }
 
