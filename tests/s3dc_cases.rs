@@ -233,7 +233,7 @@ fn partial_blocks_use_their_own_samples_only_and_spare_bits_are_zero() {
                 let c = codec(i, block);
                 let bytes = encode(&c, e, &samples);
                 let l = Layout::new(&params(i, block), SampleType::U8, e);
-                assert_eq!(l.blocks_overlapping::<u8>(&bytes, 0, 199, |_, _, _| ()), 0);
+                assert_eq!(l.blocks_overlapping::<u8>(&bytes, 0.0, 199.0, |_, _, _| ()), 0);
                 let q = l.params().q();
                 for (a, b) in samples.iter().zip(decode::<u8>(&c, e, &bytes)) {
                     assert!(a.abs_diff(b) <= integer_error_bound(49, q) as u8);
@@ -352,9 +352,9 @@ fn rejection_by_end_points_is_closed_at_both_ends() {
     let c = codec(4, [4, 4, 4]);
     let bytes = encode(&c, e, &samples);
     let l = Layout::new(&params(4, [4, 4, 4]), SampleType::U8, e);
-    let found = |lo, hi| {
+    let found = |lo: u8, hi: u8| {
         let mut v = Vec::new();
-        l.blocks_overlapping::<u8>(&bytes, lo, hi, |b, _, _| v.push(b[0]));
+        l.blocks_overlapping::<u8>(&bytes, f64::from(lo), f64::from(hi), |b, _, _| v.push(b[0]));
         v
     };
     assert_eq!(found(0, 9), [0u32; 0]);

@@ -3,7 +3,6 @@
 use super::At;
 use super::bricks::Found;
 use super::open::Volume;
-use crate::codec::s3dc::{Layout, Scalar};
 use crate::container::{NodeFlags, NodeKind};
 use crate::error::Result;
 use crate::geometry::{Coord, Region};
@@ -89,18 +88,18 @@ impl Volume {
             };
             let payload = self.payload(&found, layout)?;
             let block = s3dc.params().block();
-            let visit = |[x, y, z]: Coord| {
+            let mut visit = |[x, y, z]: Coord| {
                 let start = [x * block.x, y * block.y, z * block.z];
                 let in_volume = std::array::from_fn(|a| start[a] + whole.start[a]);
                 regions.push(Region::at(in_volume, block).intersect(&whole));
             };
             match self.info().sample_type {
-                SampleType::U8 => blocks_between::<u8>(s3dc, &payload, lo, hi, visit),
-                SampleType::U16 => blocks_between::<u16>(s3dc, &payload, lo, hi, visit),
-                SampleType::I16 => blocks_between::<i16>(s3dc, &payload, lo, hi, visit),
-                SampleType::F32 => blocks_between::<f32>(s3dc, &payload, lo, hi, visit),
+                SampleType::U8 => s3dc.blocks_overlapping::<u8>(&payload, lo, hi, |block, _, _| visit(block)),
+                SampleType::U16 => s3dc.blocks_overlapping::<u16>(&payload, lo, hi, |block, _, _| visit(block)),
+                SampleType::I16 => s3dc.blocks_overlapping::<i16>(&payload, lo, hi, |block, _, _| visit(block)),
+                SampleType::F32 => s3dc.blocks_overlapping::<f32>(&payload, lo, hi, |block, _, _| visit(block)),
                 SampleType::Rgb8 => unreachable!("s3dc holds scalars only"),
-            }
+            };
         }
         Ok(regions)
     }
@@ -131,22 +130,5 @@ impl Volume {
         }
         let known = node.flags.contains(NodeFlags::ERROR_KNOWN);
         Bounds { min: node.min, max: node.max, max_error: known.then_some(node.max_error) }
-    }
-}
-
-/// Calls `visit` with each block whose end points reach into `[lo, hi]`.
-fn blocks_between<T: Scalar>(layout: &Layout, payload: &[u8], lo: f64, hi: f64, mut visit: impl FnMut(Coord)) {
-    let blocks = layout.blocks();
-    for z in 0..blocks.z {
-        for y in 0..blocks.y {
-            for x in 0..blocks.x {
-                let (min, max) = layout.mmv_pair::<T>(payload, [x, y, z]);
-                let (min, max) = (min.component(0), max.component(0));
-                // A pair out of order decodes to its minimum (spec: S3D-12).
-                if min <= hi && max.max(min) >= lo {
-                    visit([x, y, z]);
-                }
-            }
-        }
     }
 }

@@ -176,8 +176,8 @@ impl Layout {
     pub fn blocks_overlapping<T: Scalar>(
         &self,
         payload: &[u8],
-        lo: T,
-        hi: T,
+        lo: f64,
+        hi: f64,
         mut visit: impl FnMut(Coord, T, T),
     ) -> u64 {
         let mut found = 0;
@@ -187,7 +187,7 @@ impl Layout {
                     let (min, max) = self.mmv_pair::<T>(payload, [x, y, z]);
                     // An out-of-order pair decodes to min: its upper bound is min. // spec: S3D-12
                     let top = if max > min { max } else { min };
-                    if min <= hi && top >= lo {
+                    if min.component(0) <= hi && top.component(0) >= lo {
                         found += 1;
                         visit([x, y, z], min, top);
                     }
