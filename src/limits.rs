@@ -18,6 +18,8 @@ pub const MAX_META_BYTES: u64 = 1 << 20;
 pub const MAX_TABLE_BYTES: u64 = 256 << 20;
 /// Largest window of a zstd frame, as log2 of bytes.
 pub const MAX_ZSTD_WINDOW_LOG: u32 = 23;
+/// Codebooks of a file.
+pub const MAX_CODEBOOKS: u64 = 4096;
 /// Most entries of the codec table.
 pub const MAX_CODECS: usize = 255;
 /// Most trees (time steps × channels).

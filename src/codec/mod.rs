@@ -6,6 +6,7 @@
 
 pub mod raw;
 pub mod s3dc;
+pub mod zerobit;
 
 use crate::error::{Code, Error, Result};
 use crate::geometry::{Coord, Extent, Region};
