@@ -47,7 +47,7 @@ fn decode(
 ) {
     let n = bricks.per_axis;
     let (brick, whole) = (Extent::cube(BRICK), Region::whole(Extent::cube(BRICK)));
-    let len = Codec::S3dc(*params).payload_len(t, brick) as usize;
+    let len = (*Codec::S3dc(*params).payload_lens(t, brick).end()) as usize;
     let slab_bytes = dst.len() / n as usize;
     let slab_extent = Extent::new(n * BRICK, n * BRICK, BRICK);
     let slabs = |first: usize, dst: &mut [u8]| {

@@ -3,6 +3,7 @@
 use crate::error::{Code, Error, Result};
 use crate::limits::MAX_ZSTD_WINDOW_LOG;
 use std::cell::RefCell;
+use std::ops::RangeInclusive;
 use zstd::bulk::{Compressor, Decompressor};
 use zstd::zstd_safe;
 
@@ -31,18 +32,18 @@ pub fn compress(bytes: &[u8]) -> Result<Option<Vec<u8>>> {
     })
 }
 
-/// Inflates a frame of exactly `len` bytes. `offset` and `field` say where the frame lies, for errors.
+/// Inflates a frame whose content has one of the lengths `lens`. `offset` and `field` say where the frame lies, for errors.
 ///
 /// The frame must be one, whole, with content size, without dictionary, with a window of at most 8 MiB, and nothing
-/// behind it (spec: BRK-9). All of that is checked before a byte is allocated, so that memory is bounded by `len`
-/// (spec: SAF-2).
+/// behind it (spec: BRK-9). All of that is checked before a byte is allocated, so that memory is bounded by
+/// `lens` (spec: SAF-2).
 ///
 /// # Errors
 /// `E_ZSTD`; `E_LIMIT` where the memory cannot be had.
-pub fn inflate(frame: &[u8], len: u64, offset: u64, field: &'static str) -> Result<Vec<u8>> {
+pub fn inflate(frame: &[u8], lens: RangeInclusive<u64>, offset: u64, field: &'static str) -> Result<Vec<u8>> {
     let bad =
         |what: String| Error::at(Code::Zstd, offset, field, format!("{what}; the payload is not a legal zstd frame"));
-    check_frame(frame, len).map_err(bad)?;
+    let len = check_frame(frame, lens).map_err(bad)?;
     let too_large = || Error::at(Code::Limit, offset, field, format!("{len} bytes cannot be allocated"));
     let len = usize::try_from(len).map_err(|_| too_large())?;
     let mut out = Vec::new();
@@ -60,8 +61,8 @@ pub fn inflate(frame: &[u8], len: u64, offset: u64, field: &'static str) -> Resu
     Ok(out)
 }
 
-/// Checks form and declared size of a frame without inflating it.
-fn check_frame(frame: &[u8], len: u64) -> std::result::Result<(), String> {
+/// Checks form and declared size of a frame without inflating it, and returns the size.
+fn check_frame(frame: &[u8], lens: RangeInclusive<u64>) -> std::result::Result<u64, String> {
     let descriptor = match frame {
         [0x28, 0xB5, 0x2F, 0xFD, descriptor, _, ..] => *descriptor,
         _ => return Err("no zstd frame starts here".into()),
@@ -72,12 +73,16 @@ fn check_frame(frame: &[u8], len: u64) -> std::result::Result<(), String> {
     if descriptor & 8 != 0 {
         return Err("a reserved bit of the frame is set".into());
     }
-    match zstd_safe::get_frame_content_size(frame) {
-        Ok(Some(size)) if size == len => {}
-        Ok(Some(size)) => return Err(format!("the frame declares {size} bytes where {len} are due")),
+    let len = match zstd_safe::get_frame_content_size(frame) {
+        Ok(Some(size)) if lens.contains(&size) => size,
+        Ok(Some(size)) => {
+            let (least, most) = (lens.start(), lens.end());
+            let due = if least == most { least.to_string() } else { format!("{least} to {most}") };
+            return Err(format!("the frame declares {size} bytes where {due} are due"));
+        }
         Ok(None) => return Err("the frame does not declare its content size".into()),
         Err(_) => return Err("the frame header is damaged".into()),
-    }
+    };
     // A single-segment frame has no window byte: its window is its content, whose size has just been checked.
     if descriptor & 0x20 == 0 {
         let window = frame[5];
@@ -87,7 +92,7 @@ fn check_frame(frame: &[u8], len: u64) -> std::result::Result<(), String> {
         }
     }
     match zstd_safe::find_frame_compressed_size(frame) {
-        Ok(size) if size == frame.len() => Ok(()),
+        Ok(size) if size == frame.len() => Ok(len),
         Ok(size) => Err(format!("{} bytes follow the frame", frame.len() - size)),
         Err(_) => Err("the frame is cut off or damaged".into()),
     }
@@ -106,14 +111,14 @@ mod tests {
         assert!(compress(b"").unwrap().is_none());
         let noise: Vec<u8> = (0..200u32).map(|i| (i.wrapping_mul(2_654_435_761) >> 24) as u8).collect();
         assert!(compress(&noise).unwrap().is_none());
-        assert_eq!(inflate(&frame(&[7; 1000]), 1000, 0, "f").unwrap(), [7; 1000]);
+        assert_eq!(inflate(&frame(&[7; 1000]), 1000..=1000, 0, "f").unwrap(), [7; 1000]);
     }
 
     #[test] // spec: BRK-9; C-05
     fn every_other_form_is_refused() {
         let good = frame(&[7; 1000]);
         let refused = |bytes: &[u8], len| {
-            let e = inflate(bytes, len, 64, "brick.payload").unwrap_err();
+            let e = inflate(bytes, len..=len, 64, "brick.payload").unwrap_err();
             assert_eq!((e.code(), e.offset()), (Code::Zstd, Some(64)), "{e}");
         };
         refused(&good, 999);
@@ -150,7 +155,7 @@ mod tests {
             for bit in 0..8 {
                 let mut bad = good.clone();
                 bad[i] ^= 1 << bit;
-                let _ = inflate(&bad, 1000, 0, "f");
+                let _ = inflate(&bad, 1000..=1000, 0, "f");
             }
         }
     }

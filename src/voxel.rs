@@ -167,6 +167,21 @@ impl SampleValue {
         }
     }
 
+    /// The value as the Rust type that it has.
+    ///
+    /// # Panics
+    /// Where it has another type.
+    #[must_use]
+    pub fn typed<T: Sample>(self) -> T {
+        match self {
+            SampleValue::U8(v) => same(v),
+            SampleValue::U16(v) => same(v),
+            SampleValue::I16(v) => same(v),
+            SampleValue::F32(v) => same(v),
+            SampleValue::Rgb8(v) => same(v),
+        }
+    }
+
     /// The value of raw bytes, or `None` where bits above the type's width are set.
     #[must_use]
     pub fn from_raw(t: SampleType, raw: u32) -> Option<Self> {
@@ -180,6 +195,14 @@ impl SampleValue {
         };
         (value.to_raw() == raw).then_some(value)
     }
+}
+
+/// `v` itself, where `A` and `B` are one type under two names.
+#[inline]
+#[must_use]
+pub(crate) fn same<A: Sample, B: Sample>(v: A) -> B {
+    assert!(A::TYPE == B::TYPE, "a value of another type");
+    bytemuck::cast_slice(&[v])[0]
 }
 
 impl fmt::Display for SampleValue {

@@ -411,24 +411,24 @@ fn parameters_survive_the_wire_and_bad_ones_are_named() {
                 let c = Codec::S3dc(Params::new(i, block.into(), endpoints).unwrap());
                 let (id, version, bytes) = c.to_wire();
                 assert_eq!((id, version), (2, 1));
-                assert_eq!(Codec::from_wire(id, version, &bytes).unwrap(), c);
+                assert_eq!(Codec::from_wire(id, version, &bytes, vug::voxel::SampleValue::U8(0)).unwrap(), c);
             }
         }
     }
-    assert_eq!(Codec::from_wire(1, 1, &[0; 28]).unwrap(), Codec::Raw);
+    assert_eq!(Codec::from_wire(1, 1, &[0; 28], vug::voxel::SampleValue::U8(0)).unwrap(), Codec::Raw);
     assert_eq!(Codec::Raw.to_wire(), (1, 1, [0; 28]));
     let good = codec(4, [4, 4, 4]).to_wire().2;
     let with = |at: usize, v: u8| {
         let mut b = good;
         b[at] = v;
-        Codec::from_wire(2, 1, &b).unwrap_err().code()
+        Codec::from_wire(2, 1, &b, vug::voxel::SampleValue::U8(0)).unwrap_err().code()
     };
     for i in [0, 3, 5, 6, 7, 9, 16, 255] {
         assert_eq!(with(0, i), Code::Param);
     }
     assert_eq!([with(1, 1), with(2, 2), with(4, 0), with(5, 129), with(6, 255)], [Code::Param; 5]);
     assert_eq!([with(3, 1), with(7, 1), with(27, 0x80)], [Code::Reserved; 3]);
-    let code = |id, version, b| Codec::from_wire(id, version, b).unwrap_err().code();
+    let code = |id, version, b| Codec::from_wire(id, version, b, vug::voxel::SampleValue::U8(0)).unwrap_err().code();
     assert_eq!([code(0, 1, &good), code(3, 1, &good), code(2, 2, &good), code(2, 0, &good)], [Code::Codec; 4]);
     assert_eq!([code(1, 2, &[0; 28]), code(65_535, 65_535, &[0; 28])], [Code::Codec; 2]);
     assert_eq!(code(1, 1, &good), Code::Reserved);

@@ -13,6 +13,9 @@ use crate::geometry::{Coord, Extent, Region};
 use crate::grid::{View, ViewMut};
 use crate::voxel::{SampleType, SampleValue};
 use s3dc::Params;
+use std::ops::RangeInclusive;
+use std::sync::Arc;
+use zerobit::Zerobit;
 
 /// Bytes of the parameter field of a codec table entry.
 pub const PARAM_BYTES: usize = 28;
@@ -39,37 +42,61 @@ pub struct BrickPart<'a> {
 }
 
 /// How the samples of a brick are stored.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum Codec {
     /// Every sample as it is; lossless.
     Raw,
     /// Two end points per block, and an index of a few bits per voxel (Yela et al. 2008).
     S3dc(Params),
+    /// Haar wavelets, vector-quantised, for colour and grey volumes (Bajaj et al. 2001).
+    Zerobit(Zerobit),
 }
 
 impl Codec {
-    /// The codec of an entry of the codec table.
+    /// The codec of an entry of the codec table; `null` is the volume's null value.
+    ///
+    /// A codec with codebooks does not have them yet: see [`Codec::with_books`].
     ///
     /// # Errors
     /// `E_CODEC` for an id or stream version this reader does not know, `E_RESERVED` for reserved bytes that are not 0,
     /// `E_PARAM` for a parameter outside its set.
-    pub fn from_wire(id: u16, stream_version: u16, params: &[u8; PARAM_BYTES]) -> Result<Codec> {
-        // spec: RAW-1, S3D-1
-        if !matches!((id, stream_version), (raw::ID, raw::STREAM_VERSION) | (s3dc::ID, s3dc::STREAM_VERSION)) {
-            return Err(Error::new(
+    pub fn from_wire(id: u16, stream_version: u16, params: &[u8; PARAM_BYTES], null: SampleValue) -> Result<Codec> {
+        // spec: RAW-1, S3D-1, ZBT-1
+        match (id, stream_version) {
+            (raw::ID, raw::STREAM_VERSION) => {
+                // spec: RAW-2
+                if params.iter().any(|&b| b != 0) {
+                    let message = "codec raw has no parameters: all bytes are 0";
+                    return Err(Error::new(Code::Reserved, "codec.params", message));
+                }
+                Ok(Codec::Raw)
+            }
+            (s3dc::ID, s3dc::STREAM_VERSION) => Params::from_wire(params).map(Codec::S3dc),
+            (zerobit::ID, version) if let Some(stream) = zerobit::Stream::from_wire(version) => {
+                let params = zerobit::Params::from_wire(params)?;
+                Ok(Codec::Zerobit(Zerobit::new(stream, params, null)))
+            }
+            _ => Err(Error::new(
                 Code::Codec,
                 "codec.id",
                 format!("codec {id} with stream version {stream_version} is not known; a newer reader may know it"),
-            ));
+            )),
         }
-        if id == raw::ID {
-            // spec: RAW-2
-            if params.iter().any(|&b| b != 0) {
-                return Err(Error::new(Code::Reserved, "codec.params", "codec raw has no parameters: all bytes are 0"));
-            }
-            return Ok(Codec::Raw);
+    }
+
+    /// The same codec with the volume's codebooks, where it uses any.
+    #[must_use]
+    pub fn with_books(&self, books: &Arc<[zerobit::Book]>) -> Codec {
+        match self {
+            Codec::Zerobit(z) => Codec::Zerobit(z.with_books(books.clone())),
+            other => other.clone(),
         }
-        Params::from_wire(params).map(Codec::S3dc)
+    }
+
+    /// Whether payloads refer to codebooks of the volume.
+    #[must_use]
+    pub const fn uses_books(&self) -> bool {
+        matches!(self, Codec::Zerobit(_))
     }
 
     /// Id, stream version and parameters, as the codec table holds them.
@@ -78,6 +105,7 @@ impl Codec {
         match self {
             Codec::Raw => (raw::ID, raw::STREAM_VERSION, [0; PARAM_BYTES]),
             Codec::S3dc(p) => (s3dc::ID, s3dc::STREAM_VERSION, p.to_wire()),
+            Codec::Zerobit(z) => (zerobit::ID, z.stream() as u16, z.params().to_wire()),
         }
     }
 
@@ -87,6 +115,7 @@ impl Codec {
         match self {
             Codec::Raw => "raw",
             Codec::S3dc(_) => "s3dc",
+            Codec::Zerobit(_) => "zerobit",
         }
     }
 
@@ -99,18 +128,29 @@ impl Codec {
             Codec::Raw => Ok(()),
             // spec: S3D-2
             Codec::S3dc(_) if t == SampleType::Rgb8 => {
-                Err(Error::param("codec", "s3dc stores scalars (u8, u16, i16, f32); use codec raw for rgb8"))
+                Err(Error::param("codec", "s3dc stores scalars (u8, u16, i16, f32); use zerobit or raw for rgb8"))
             }
-            Codec::S3dc(_) => Ok(()),
+            // spec: ZBT-1
+            Codec::Zerobit(_) if t == SampleType::F32 => {
+                Err(Error::param("codec", "zerobit stores integers (rgb8, u8, u16, i16); use s3dc or raw for f32"))
+            }
+            Codec::S3dc(_) | Codec::Zerobit(_) => Ok(()),
         }
     }
 
-    /// Exact length of the payload of a brick, in bytes, before any supercompression.
+    /// Lengths that the payload of a brick may have, in bytes, before any supercompression: one, where the length follows
+    /// from the extent.
     #[must_use]
-    pub fn payload_len(&self, t: SampleType, brick: Extent) -> u64 {
+    pub fn payload_lens(&self, t: SampleType, brick: Extent) -> RangeInclusive<u64> {
+        let exact = |len| len..=len;
         match self {
-            Codec::Raw => raw::payload_len(t, brick),
-            Codec::S3dc(p) => s3dc::Layout::new(p, t, brick).payload_len() as u64,
+            Codec::Raw => exact(raw::payload_len(t, brick)),
+            Codec::S3dc(p) => exact(s3dc::Layout::new(p, t, brick).payload_len() as u64),
+            // spec: ZBT-8
+            Codec::Zerobit(z) => {
+                let layout = zerobit::Layout::new(brick);
+                layout.min_len()..=layout.max_len(z.stream())
+            }
         }
     }
 
@@ -118,7 +158,7 @@ impl Codec {
     #[must_use]
     pub const fn align_log2(&self) -> u8 {
         match self {
-            Codec::Raw => 4,
+            Codec::Raw | Codec::Zerobit(_) => 4,
             Codec::S3dc(_) => 8,
         }
     }
@@ -137,6 +177,7 @@ impl Codec {
         let done = match self {
             Codec::Raw => raw::encode(src, out),
             Codec::S3dc(p) => s3dc::encode(p, src, out),
+            Codec::Zerobit(_) => Err(Error::param("codec", "zerobit")),
         };
         if done.is_err() {
             out.truncate(start);
@@ -206,6 +247,14 @@ impl Codec {
                 }
             }
             Codec::S3dc(p) => s3dc::decode(&s3dc::pieces(p, bricks, dst.sample_type), dst, stores),
+            Codec::Zerobit(z) => {
+                let mut x = 0;
+                for b in bricks {
+                    let extent = b.region.extent();
+                    z.decode(b, dst.sub(&Region::at([x, 0, 0], extent)))?;
+                    x += extent.x;
+                }
+            }
         }
         Ok(())
     }
@@ -215,8 +264,10 @@ impl Codec {
     /// # Errors
     /// As [`Codec::decode`].
     pub fn decode_plain(&self, payload: &[u8], brick: Extent, region: &Region, dst: ViewMut<'_>) -> Result<()> {
-        self.check_run(&[BrickPart { payload, brick, region: *region }], &dst)?;
+        let part = BrickPart { payload, brick, region: *region };
+        self.check_run(&[part], &dst)?;
         match self {
+            Codec::Zerobit(z) => z.decode_plain(&part, dst)?,
             Codec::Raw => raw::decode(payload, brick, region, dst),
             Codec::S3dc(p) => s3dc::decode_plain(&s3dc::Layout::new(p, dst.sample_type, brick), payload, region, dst),
         }
@@ -234,6 +285,7 @@ impl Codec {
         Ok(match self {
             Codec::Raw => raw::voxel(payload, t, brick, c),
             Codec::S3dc(p) => s3dc::Layout::new(p, t, brick).value(payload, c),
+            Codec::Zerobit(z) => z.voxel(payload, t, brick, c)?,
         })
     }
 
@@ -247,20 +299,24 @@ impl Codec {
         match self {
             Codec::Raw => raw::check(payload, t),
             Codec::S3dc(p) => s3dc::check(&s3dc::Layout::new(p, t, brick), payload),
+            Codec::Zerobit(z) => z.check(payload, brick),
         }
         .map_err(|e| e.shifted(file_offset))
     }
 
     fn check_len(&self, payload: &[u8], t: SampleType, brick: Extent) -> Result<()> {
-        let expected = self.payload_len(t, brick);
-        if payload.len() as u64 == expected {
+        let allowed = self.payload_lens(t, brick);
+        let len = payload.len();
+        if allowed.contains(&(len as u64)) {
             return Ok(());
         }
-        // spec: RAW-4, S3D-5
+        // spec: RAW-4, S3D-5, ZBT-8
+        let (name, least, most) = (self.name(), allowed.start(), allowed.end());
+        let due = if least == most { least.to_string() } else { format!("{least} to {most}") };
         Err(Error::new(
             Code::Size,
             "payload",
-            format!("{} bytes found; a {} brick of {brick} {t} voxels has {expected}", payload.len(), self.name()),
+            format!("{len} bytes found; a {name} brick of {brick} {t} voxels has {due}"),
         ))
     }
 

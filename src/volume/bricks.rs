@@ -40,13 +40,13 @@ struct Key {
     stored_len: u32,
     crc: u32,
     zstd: bool,
-    payload_len: u64,
+    payload_lens: [u64; 2],
 }
 
 impl Key {
     fn of(node: &Node, layout: &Layout) -> Key {
         let zstd = node.flags.contains(NodeFlags::ZSTD);
-        Key { offset: node.offset, stored_len: node.stored_len, crc: node.crc, zstd, payload_len: layout.payload_len }
+        Key { offset: node.offset, stored_len: node.stored_len, crc: node.crc, zstd, payload_lens: layout.payload_lens }
     }
 }
 
@@ -97,6 +97,9 @@ impl Volume {
     #[inline]
     pub(super) fn codec_of(&self, node: &Node, lod: u8, brick: Coord) -> Result<(&Entry, usize)> {
         let entry = self.codecs.get(node.codec)?;
+        if entry.wants_books() {
+            entry.supply(self.codebooks()?);
+        }
         let level = self.head.octree.levels[usize::from(lod)].extent;
         Ok((entry, self.codecs.layout_index(entry, lod, brick, level)))
     }
@@ -138,15 +141,16 @@ impl Volume {
             return Ok(Payload::Shared(shared));
         }
         limits::check("node.stored_len", u64::from(node.stored_len), limits::MAX_BRICK_BYTES)?;
-        limits::check("brick", layout.payload_len, self.limits.brick_bytes)?;
+        let [least, most] = layout.payload_lens;
+        limits::check("brick", least, self.limits.brick_bytes)?;
         let zstd = node.flags.contains(NodeFlags::ZSTD);
         // spec: BRK-7
-        if !zstd && u64::from(node.stored_len) != layout.payload_len {
+        if !zstd && !layout.allows(u64::from(node.stored_len)) {
             return Err(Error::at(
                 Code::Size,
                 node.offset,
                 "node.stored_len",
-                format!("{} bytes stored where the codec needs {}", node.stored_len, layout.payload_len),
+                format!("{} bytes stored where the codec needs {least} to {most}", node.stored_len),
             ));
         }
         let bytes = match stored {
@@ -171,7 +175,8 @@ impl Volume {
             }
         }
         if zstd {
-            let inflated = supercompression::inflate(&bytes, layout.payload_len, node.offset, "brick.payload")?;
+            let lens = least..=most.min(self.limits.brick_bytes);
+            let inflated = supercompression::inflate(&bytes, lens, node.offset, "brick.payload")?;
             return Ok(self.keep(key, inflated.into()));
         }
         if let Some(bytes) = self.stored_slice(node) {

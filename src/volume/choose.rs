@@ -89,7 +89,7 @@ fn weigh(
     progress: &mut dyn FnMut(u64),
 ) -> Result<BrickStats> {
     let encoder = BrickEncoder {
-        codec: choice.codec,
+        codec: choice.codec.clone(),
         zstd: options.zstd,
         non_finite: options.non_finite,
         null,
@@ -167,7 +167,7 @@ fn search(
             format!("{rate} bits per voxel are too few: this volume takes at least {least:.3}"),
         ));
     }
-    Ok(best.map(|(i, _)| Choice { codec: encoders[i].codec, brick_log2, notes: Vec::new() }))
+    Ok(best.map(|(i, _)| Choice { codec: encoders[i].codec.clone(), brick_log2, notes: Vec::new() }))
 }
 
 fn holds(stats: &BrickStats, quality: Quality) -> bool {

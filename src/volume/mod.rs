@@ -9,6 +9,7 @@
 //! # Ok::<(), vug::Error>(())
 //! ```
 
+mod books;
 mod bounds;
 mod brick_encoder;
 mod bricks;

@@ -1,5 +1,6 @@
 //! Opening a volume and telling what it is.
 
+use super::books::Books;
 use super::codecs::CodecTable;
 use super::counted::{Cost, Counted};
 use super::pages::Pages;
@@ -19,6 +20,7 @@ pub struct Volume {
     pub(super) codecs: CodecTable,
     pub(super) pages: Pages,
     pub(super) bricks: Bricks,
+    pub(super) books: Books,
     pub(super) limits: Limits,
 }
 
@@ -70,7 +72,7 @@ impl Volume {
         };
         let codecs = CodecTable::new(&head)?;
         let (pages, bricks) = (Pages::new(&head), Bricks::new(limits.cache_bytes));
-        Ok(Volume { source, head, codecs, pages, bricks, limits })
+        Ok(Volume { source, head, codecs, pages, bricks, books: Books::default(), limits })
     }
 
     /// What the file says of the volume: dims, types, placement, codecs, what was achieved.
@@ -124,7 +126,7 @@ impl Volume {
         let text = if entry.supercompression == 0 {
             stored.into_owned()
         } else {
-            supercompression::inflate(&stored, entry.decoded_len, entry.offset, "META")?
+            supercompression::inflate(&stored, entry.decoded_len..=entry.decoded_len, entry.offset, "META")?
         };
         let text = String::from_utf8(text)
             .map_err(|e| Error::at(Code::Utf8, entry.offset, "META", format!("{e}; the section is not text")))?;

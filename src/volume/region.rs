@@ -95,7 +95,7 @@ impl Volume {
         let found = self.find(self.tree(at)?, at.lod, brick)?;
         let mut region = self.head.octree.brick_region(at.lod, brick);
         if found.node().kind == NodeKind::Stored
-            && let Codec::S3dc(params) = self.codec_of(found.node(), at.lod, brick)?.0.codec
+            && let Codec::S3dc(params) = self.codec_of(found.node(), at.lod, brick)?.0.codec()
         {
             let block = params.block();
             let b = block.to_array();
@@ -315,7 +315,7 @@ fn decode_run(run: &[(&Part<'_>, Region)], mut dst: ViewMut<'_>, stores: Stores)
                     _ => None,
                 })
                 .collect();
-            entry.codec.decode_run(&bricks, dst, stores)
+            entry.codec().decode_run(&bricks, dst, stores)
         }
     }
 }

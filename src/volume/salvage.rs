@@ -84,7 +84,7 @@ impl Volume {
                     let mut dst = grid.view_mut();
                     let mut dst = dst.sub(&Region::at(start, wanted.extent()));
                     let null = self.info().null_sample();
-                    with_sample!(self.info().sample_type, T => dst.fill::<T>(super::voxels::typed(null)));
+                    with_sample!(self.info().sample_type, T => dst.fill::<T>(null.typed()));
                     lost.push(LostBrick { brick, region: wanted, error });
                 }
             }
@@ -99,7 +99,7 @@ impl Volume {
         let origin = self.head.octree.brick_region(at.lod, brick).start;
         let start = std::array::from_fn(|a| wanted.start[a] - origin[a]);
         let whole = Region::whole(dst.extent);
-        entry.codec.decode(
+        entry.codec().decode(
             &payload,
             self.codecs.layout(layout).extent,
             &Region::at(start, wanted.extent()),

@@ -51,8 +51,14 @@ pub fn verify(source: &dyn ByteSource, limits: &Limits, progress: &mut dyn FnMut
         Ok(strict) => strict,
         Err(e) => return VerifyReport { errors: vec![e], bricks: 0, bytes },
     };
-    let codecs: Vec<Result<Codec>> =
-        strict.head().descriptor.codecs.iter().map(|c| Codec::from_wire(c.id, c.stream_version, &c.params)).collect();
+    let null = strict.head().descriptor.null_sample();
+    let codecs: Vec<Result<Codec>> = strict
+        .head()
+        .descriptor
+        .codecs
+        .iter()
+        .map(|c| Codec::from_wire(c.id, c.stream_version, &c.params, null))
+        .collect();
     // An unknown codec is data until a brick uses it; a known one with wrong parameters never opens.
     let (descriptor, at) = (&strict.head().descriptor, strict.head().section_range(*b"VOLD").start);
     let wrong = check_codecs(descriptor, at).err();
@@ -117,11 +123,16 @@ fn check_brick(
         Some(Err(e)) => return Err(Error::at(e.code(), offset, e.field().to_owned(), e.message())),
         None => return Err(Error::at(crate::Code::Ref, offset, "node.codec", "not in the codec table")),
     };
-    let len = codec.payload_len(t, extent);
-    limits::check("brick", len, limits.brick_bytes)?;
+    let lens = codec.payload_lens(t, extent);
+    limits::check("brick", *lens.start(), limits.brick_bytes)?;
     let inflated;
     let payload = if brick.node.flags.contains(NodeFlags::ZSTD) {
-        inflated = supercompression::inflate(stored, len, offset, "brick.payload")?;
+        inflated = supercompression::inflate(
+            stored,
+            *lens.start()..=(*lens.end()).min(limits.brick_bytes),
+            offset,
+            "brick.payload",
+        )?;
         &inflated
     } else {
         stored
@@ -130,6 +141,6 @@ fn check_brick(
     with_scratch(extent, t, |mut decoded| {
         let whole = Region::whole(extent);
         codec.decode(payload, extent, &whole, decoded.sub(&whole))?;
-        Ok((len, value_range(&decoded.as_view())))
+        Ok((payload.len() as u64, value_range(&decoded.as_view())))
     })
 }

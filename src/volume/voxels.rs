@@ -8,7 +8,7 @@ use crate::codec::s3dc;
 use crate::container::NodeKind;
 use crate::error::{Error, Result};
 use crate::geometry::{Coord, Extent, Region};
-use crate::voxel::{Sample, SampleType, SampleValue};
+use crate::voxel::{Sample, SampleType, SampleValue, same};
 use crate::with_sample;
 use std::marker::PhantomData;
 
@@ -89,12 +89,12 @@ impl Volume {
                 let (entry, layout) = self.codec_of(node, at.lod, brick)?;
                 let payload = self.payload(&found, layout)?;
                 let local = c.map(|v| v & ((1 << log2) - 1));
-                entry.codec.voxel(&payload, T::TYPE, self.codecs.layout(layout).extent, local)?
+                entry.codec().voxel(&payload, T::TYPE, self.codecs.layout(layout).extent, local)?
             }
             NodeKind::Constant => node.constant(T::TYPE)?,
             NodeKind::Empty => self.head.descriptor.null_sample(),
         };
-        Ok(typed(value))
+        Ok(value.typed())
     }
 }
 
@@ -201,24 +201,6 @@ impl<'a, T: Sample> Sampler<'a, T> {
 /// Where the bytes of a sample are in a native `u32` whose low bytes it fills.
 const fn native(t: SampleType) -> std::ops::Range<usize> {
     if cfg!(target_endian = "big") && !matches!(t, SampleType::Rgb8) { 4 - t.bytes()..4 } else { 0..t.bytes() }
-}
-
-/// A value as the Rust type that it is known to have.
-pub(super) fn typed<T: Sample>(value: SampleValue) -> T {
-    match value {
-        SampleValue::U8(v) => same(v),
-        SampleValue::U16(v) => same(v),
-        SampleValue::I16(v) => same(v),
-        SampleValue::F32(v) => same(v),
-        SampleValue::Rgb8(v) => same(v),
-    }
-}
-
-/// `v` itself, where `A` and `B` are one type under two names.
-#[inline]
-fn same<A: Sample, B: Sample>(v: A) -> B {
-    assert!(A::TYPE == B::TYPE, "checked against the volume's type");
-    bytemuck::cast_slice(&[v])[0]
 }
 
 /// The type is known when this is compiled: no match remains.

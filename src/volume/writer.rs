@@ -72,8 +72,8 @@ pub struct EncodeReport {
     pub psnr: Option<f64>,
     /// Smallest and largest value of the source.
     pub source_range: (f64, f64),
-    /// Original bytes / bytes by the paper's formula, with ceilings (S3Dc §3.3).
-    pub ratio_formula: f64,
+    /// Original bytes / bytes by the paper's formula, with ceilings (S3Dc §3.3); `None` where the codec has none.
+    pub ratio_formula: Option<f64>,
     /// Original bytes / payload bytes before zstd, all levels.
     pub ratio_payload: f64,
     /// Original bytes / file bytes.
@@ -104,7 +104,7 @@ impl<W: Write + Seek> VolumeWriter<W> {
         codec.supports(shape.sample_type)?;
         options.placement.check()?;
         let largest = shape.extent.min(Extent::cube(1 << brick_log2));
-        let payload = codec.payload_len(shape.sample_type, largest);
+        let payload = *codec.payload_lens(shape.sample_type, largest).start();
         if payload > limits::MAX_BRICK_BYTES {
             let message =
                 format!("a brick would take {payload} bytes, more than 64 MiB; use smaller bricks or larger blocks");
@@ -133,13 +133,8 @@ impl<W: Write + Seek> VolumeWriter<W> {
             replaced: 0,
         };
         let octree = Octree::new(&descriptor)?;
-        let encoder = BrickEncoder {
-            codec,
-            zstd: options.zstd,
-            non_finite: options.non_finite,
-            null,
-            weigh_lossless: options.zstd && matches!(codec, Codec::S3dc(_)),
-        };
+        let weigh_lossless = options.zstd && matches!(codec, Codec::S3dc(_));
+        let encoder = BrickEncoder { codec, zstd: options.zstd, non_finite: options.non_finite, null, weigh_lossless };
         Ok(VolumeWriter {
             file: FileWriter::new(out, &descriptor)?,
             descriptor,
@@ -235,11 +230,13 @@ impl<W: Write + Seek> VolumeWriter<W> {
         let (out, summary) = self.file.finish(d, finish)?;
         let voxels = d.dims.voxels() as f64 * f64::from(d.time_steps) * f64::from(d.channels);
         let original = voxels * d.sample_type.bytes() as f64;
-        let (ratio_formula, s3dc) = match self.encoder.codec {
-            Codec::Raw => (1.0, None),
+        let (ratio_formula, s3dc) = match &self.encoder.codec {
+            Codec::Raw => (Some(1.0), None),
             Codec::S3dc(params) => {
-                (crate::codec::s3dc::formula_ratio(d.dims, 8 * d.sample_type.bytes() as u32, &params), Some(params))
+                let bits = 8 * d.sample_type.bytes() as u32;
+                (Some(crate::codec::s3dc::formula_ratio(d.dims, bits, params)), Some(*params))
             }
+            Codec::Zerobit(_) => (None, None),
         };
         let report = EncodeReport {
             codec: self.encoder.codec.name(),

@@ -29,7 +29,7 @@ fn describe(volume: &Volume, bricks: &BrickCounts) -> Result<Value> {
     let (mut formula, mut padded) = (Value::Null, Value::Null);
     let mut parameters = Vec::new();
     for entry in &d.codecs {
-        match Codec::from_wire(entry.id, entry.stream_version, &entry.params) {
+        match Codec::from_wire(entry.id, entry.stream_version, &entry.params, d.null_sample()) {
             Ok(Codec::Raw) => {
                 names.push("raw".to_owned());
                 formula = json!(1.0);
@@ -43,6 +43,15 @@ fn describe(volume: &Volume, bricks: &BrickCounts) -> Result<Value> {
                 parameters.push(json!({
                     "codec": "s3dc", "index_bits": p.i_bits(), "block": p.block().to_array(),
                     "endpoints": p.endpoints().name(),
+                }));
+            }
+            Ok(Codec::Zerobit(z)) => {
+                let p = z.params();
+                names.push("zerobit".to_owned());
+                parameters.push(json!({
+                    "codec": "zerobit", "stream": z.stream().name(), "keep": f64::from(p.keep_ppm()) / 1e6,
+                    "threshold": p.threshold.name(), "norm": p.norm.name(), "training": p.training.name(),
+                    "selected_voxels": (p.selected > 0).then_some(p.selected),
                 }));
             }
             Err(e) => {

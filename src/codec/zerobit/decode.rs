@@ -3,9 +3,13 @@
 use super::bits::{self, BitCount};
 use super::book::{Book, Word, ranges};
 use super::inverse::{self, Group};
-use super::layout::{Cell, OldCell, byte};
+use super::layout::{CELL_EDGE, Cell, Layout, OldCell, Unit, byte, unit};
 use super::tally::{Case, Tally};
-use crate::voxel::SampleType;
+use super::value_of;
+use crate::codec::BrickPart;
+use crate::geometry::{Extent, Region};
+use crate::grid::ViewMut;
+use crate::voxel::{Sample, SampleType};
 
 /// A stored cell: average and 63 details, each null or an index.
 pub trait Coefficients {
@@ -30,11 +34,8 @@ impl Coefficients for Cell<'_> {
         }
         // spec: ZBT-17, ZBT-20
         let z = &self.zerobits;
-        let before = if i == 0 {
-            0
-        } else {
-            u32::from(z.level_0) + count.count(u64::from(bits::nodes_before(z.level_1, i)))
-        };
+        let before =
+            if i == 0 { 0 } else { u32::from(z.level_0) + count.count(u64::from(bits::nodes_before(z.level_1, i))) };
         let map = byte(self.payload, z.maps + before as usize);
         if !bits::has_detail(map, j) {
             tally.case(Case::NullDetail);
@@ -42,9 +43,8 @@ impl Coefficients for Cell<'_> {
         }
         tally.case(Case::Detail);
         // spec: ZBT-21
-        let earlier: u32 = (0..before)
-            .map(|k| count.count(u64::from(bits::details(byte(self.payload, z.maps + k as usize)))))
-            .sum();
+        let earlier: u32 =
+            (0..before).map(|k| count.count(u64::from(bits::details(byte(self.payload, z.maps + k as usize))))).sum();
         let displacement = earlier + count.count(u64::from(bits::details_before(map, j)));
         Some(byte(self.payload, self.details + displacement as usize))
     }
@@ -206,4 +206,39 @@ pub(super) fn other_axes(axis: usize) -> [usize; 2] {
 pub(super) fn clamp(word: Word, t: SampleType) -> Word {
     let [lo, hi] = ranges(t).0;
     word.map(|v| v.clamp(lo, hi))
+}
+
+/// Writes the part of a brick that is wanted, cell by cell. `cell` gives the voxels of cell `n` of a unit block, or `None`
+/// where it is null.
+pub(super) fn region<T: Sample>(
+    part: &BrickPart<'_>,
+    dst: ViewMut<'_>,
+    null: T,
+    cell: impl Fn(&Unit<'_>, u32) -> Option<[Word; 64]>,
+) {
+    let layout = Layout::new(part.brick);
+    let Region { start, end } = part.region;
+    let cells = |a: usize| start[a] / CELL_EDGE..end[a].div_ceil(CELL_EDGE);
+    for cz in cells(2) {
+        for cy in cells(1) {
+            for cx in cells(0) {
+                let origin = [cx, cy, cz].map(|c| c * CELL_EDGE);
+                let (index, n) = layout.locate(origin);
+                let words = unit(part.payload, index).and_then(|unit| cell(&unit, n));
+                let wanted = Region::at(origin, Extent::cube(CELL_EDGE)).intersect(&part.region);
+                for z in wanted.start[2]..wanted.end[2] {
+                    for y in wanted.start[1]..wanted.end[1] {
+                        for x in wanted.start[0]..wanted.end[0] {
+                            let at = x % CELL_EDGE + y % CELL_EDGE * 4 + z % CELL_EDGE * 16;
+                            let value = words.map_or(null, |words| value_of(words[at as usize], T::TYPE).typed());
+                            let to = (x - start[0]) as usize * size_of::<T>()
+                                + (y - start[1]) as usize * dst.row_pitch
+                                + (z - start[2]) as usize * dst.slice_pitch;
+                            dst.bytes[to..to + size_of::<T>()].copy_from_slice(bytemuck::bytes_of(&value));
+                        }
+                    }
+                }
+            }
+        }
+    }
 }

@@ -188,7 +188,7 @@ pub(super) struct Zerobits {
 impl Zerobits {
     // spec: ZBT-16
     #[inline(always)]
-    fn read(unit: &Unit<'_>, rank: usize) -> Self {
+    pub(super) fn read(unit: &Unit<'_>, rank: usize) -> Self {
         let offset = unit.offsets(rank) >> 16;
         let at = unit.zsms() + (offset & 0x7FFF) as usize;
         Zerobits { level_0: offset >> 15 == 1, level_1: byte(unit.payload, at), maps: at + 1 }

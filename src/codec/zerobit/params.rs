@@ -146,7 +146,11 @@ impl Params {
     pub fn from_wire(bytes: &[u8; PARAM_BYTES]) -> Result<Params> {
         // spec: ZBT-2, ZBT-3
         if bytes[7] != 0 || bytes[16..].iter().any(|&b| b != 0) {
-            return Err(Error::new(Code::Reserved, "codec.params", "a reserved byte of the zerobit parameters is not 0"));
+            return Err(Error::new(
+                Code::Reserved,
+                "codec.params",
+                "a reserved byte of the zerobit parameters is not 0",
+            ));
         }
         let unknown = |field, v: u8| Error::param(field, format!("{v} is neither 0 nor 1"));
         let keep_ppm = u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]);

@@ -103,7 +103,7 @@ impl Strict {
             let at = self.entry_offset(s) + 33;
             return Err(Error::at(Code::Canon, at, "section.supercompression", "META is compressed, yet not smaller"));
         }
-        supercompression::inflate(bytes, s.decoded_len, s.offset, "META").map(Cow::Owned)
+        supercompression::inflate(bytes, s.decoded_len..=s.decoded_len, s.offset, "META").map(Cow::Owned)
     }
 
     /// `FNAM` names exactly the bits that are set, by their known names (spec: SEC-14).

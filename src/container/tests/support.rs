@@ -146,7 +146,12 @@ pub(super) fn strict(bytes: &[u8]) -> Vec<Error> {
         let checked = read(window.start, (window.end - window.start) as usize).and_then(|bytes| {
             let stored = s.check_brick(&brick, &bytes)?;
             if brick.node.flags.contains(NodeFlags::ZSTD) {
-                return supercompression::inflate(stored, ZSTD_LEN as u64, brick.node.offset, "brick.payload");
+                return supercompression::inflate(
+                    stored,
+                    ZSTD_LEN as u64..=ZSTD_LEN as u64,
+                    brick.node.offset,
+                    "brick.payload",
+                );
             }
             Ok(stored.to_vec())
         });
