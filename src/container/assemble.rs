@@ -38,6 +38,8 @@ pub(super) struct Tables {
     stored_bytes: u64,
     given_id: Option<[u8; 16]>,
     vold: Vec<u8>,
+    /// Where in `contents` the codebooks are.
+    books: Option<usize>,
 }
 
 /// The finished bytes before and behind the bricks.
@@ -76,6 +78,11 @@ impl Tables {
         }
         let mut contents: Vec<Content> = sections.into_iter().map(Content::Known).collect();
         contents.extend([Content::Refs, Content::Chunks]);
+        let books = options.codebooks.map(|books| codebooks(books)).transpose()?;
+        let books = books.map(|section| {
+            contents.push(Content::Known(section));
+            contents.len() - 1
+        });
         contents.extend(others(options.meta, options.extra)?.into_iter().map(Content::Known));
         contents.push(Content::Pages);
 
@@ -100,6 +107,7 @@ impl Tables {
             stored_bytes: order.iter().map(|p| u64::from(nodes.node(p.ordinal, p.slot).stored_len)).sum(),
             given_id: options.file_id,
             vold,
+            books,
         })
     }
 
@@ -121,7 +129,11 @@ impl Tables {
         let (chunks, refs) = build_chunks(&page_entries, place(|c| matches!(c, Content::Chunks)));
         let page_count = page_entries.len() as u64;
         let pdir = known(section::PDIR, SectionFlags::CRITICAL, write_refs(&refs), refs.len(), REF_BYTES);
-        let file_id = self.given_id.unwrap_or_else(|| content_id(&self.vold, &pdir.bytes));
+        let books: &[u8] = match self.books.map(|i| &self.contents[i]) {
+            Some(Content::Known(section)) => &section.bytes,
+            _ => &[],
+        };
+        let file_id = self.given_id.unwrap_or_else(|| content_id(&self.vold, &pdir.bytes, books));
 
         let mut head = vec![0; to_usize(plan.bricks)?];
         let mut tail = vec![0; to_usize(len - bricks_end)?];
@@ -164,10 +176,21 @@ impl Tables {
     }
 }
 
-/// The file id that follows from the content (spec: HDR-13).
-pub(super) fn content_id(vold: &[u8], pdir: &[u8]) -> [u8; 16] {
-    let hash = blake3::Hasher::new().update(vold).update(pdir).finalize();
+/// The file id that follows from the content: the index, and codebooks, which payloads do not cover (spec: HDR-13).
+pub(super) fn content_id(vold: &[u8], pdir: &[u8], books: &[u8]) -> [u8; 16] {
+    let hash = blake3::Hasher::new().update(vold).update(pdir).update(books).finalize();
     std::array::from_fn(|i| hash.as_bytes()[i])
+}
+
+/// The `CBOK` section. // spec: ZBT-34
+fn codebooks((bytes, count): (Vec<u8>, u64)) -> Result<ExtraSection> {
+    if bytes.is_empty() || count == 0 {
+        return Err(Error::param("codebooks", "a section of no codebooks is left out"));
+    }
+    limits::check("codebooks", count, limits::MAX_CODEBOOKS)?;
+    let mut s = known(section::CBOK, SectionFlags::CRITICAL, bytes, 0, 0);
+    s.entry.item_count = count;
+    Ok(s)
 }
 
 /// META and foreign sections in the order of their FourCC, META first.
@@ -179,7 +202,7 @@ fn others(meta: Option<Vec<u8>>, mut extra: Vec<ExtraSection>) -> Result<Vec<Ext
     extra.sort_by_key(|s| (s.entry.fourcc != section::META, s.entry.fourcc));
     for (i, s) in extra.iter().enumerate() {
         let name = show(s.entry.fourcc);
-        let own = section::MANDATORY.contains(&s.entry.fourcc) || s.entry.fourcc == section::FNAM;
+        let own = section::is_critical(s.entry.fourcc) || s.entry.fourcc == section::FNAM;
         if own || s.entry.flags.contains(SectionFlags::CRITICAL) {
             return Err(Error::param("section", format!("{name} is written by the container itself, or is CRITICAL")));
         }

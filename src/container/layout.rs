@@ -1,6 +1,6 @@
 //! Where everything of a head file goes: the one canonical place for each part (spec chapters 3, 5, 6).
 //!
-//! `superblock | section table | VOLD | FNAM | PDIR | chunks | META | others | pages`, as far as that fits in 16 KiB;
+//! `superblock | section table | VOLD | FNAM | PDIR | chunks | CBOK | META | others | pages`, as far as that fits in 16 KiB;
 //! then `BRIK`; then what did not fit, in the same order.
 
 use crate::limits::HEAD_BYTES;

@@ -25,7 +25,7 @@ pub fn rewrite<W: Write + Seek>(len: u64, limits: &Limits, read: &mut Read<'_>, 
     if !strict.errors.is_empty() {
         return Err(strict.errors.swap_remove(0));
     }
-    let Strict { head, nodes, others, .. } = &strict;
+    let Strict { head, nodes, others, codebooks, .. } = &strict;
     let unknown = head.superblock.read_optional & !KNOWN_READ_OPTIONAL;
     if unknown != 0 {
         let bit = unknown.trailing_zeros();
@@ -49,12 +49,15 @@ pub fn rewrite<W: Write + Seek>(len: u64, limits: &Limits, read: &mut Read<'_>, 
         }
     }
     // An id that followed from the content follows from the new content; one that was given stays.
-    let derived = content_id(&head.descriptor.write_to(), &write_refs(&head.directory));
+    let codebooks = codebooks.as_ref().map(|s| (s.bytes.clone(), s.entry.item_count));
+    let books = codebooks.as_ref().map_or(&[][..], |c| &c.0);
+    let derived = content_id(&head.descriptor.write_to(), &write_refs(&head.directory), books);
     let options = FinishOptions {
         meta: None,
         file_id: (derived != head.superblock.file_id).then_some(head.superblock.file_id),
         optional: head.superblock.optional,
         feature_names: head.feature_names.clone(),
+        codebooks,
         extra: others.iter().filter(|s| s.entry.flags.contains(SectionFlags::COPY_SAFE)).cloned().collect(),
     };
     writer.finish(&head.descriptor, options)

@@ -27,8 +27,14 @@ pub(super) const PAGE: FourCc = *b"PAGE";
 pub(super) const BRIK: FourCc = *b"BRIK";
 pub(super) const META: FourCc = *b"META";
 pub(super) const FNAM: FourCc = *b"FNAM";
+pub(super) const CBOK: FourCc = *b"CBOK";
 /// Sections that every file has (spec: SEC-9).
 pub(super) const MANDATORY: [FourCc; 4] = [BRIK, PAGE, PDIR, VOLD];
+
+/// Sections that nobody may skip who does not know them: the mandatory ones, and codebooks, where there are any.
+pub(super) fn is_critical(fourcc: FourCc) -> bool {
+    fourcc == CBOK || MANDATORY.contains(&fourcc)
+}
 
 /// What a reader or an editor may do with a section it does not know.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]

@@ -119,19 +119,19 @@ fn check_known(entry: &SectionEntry, at: u64) -> Result<()> {
     let item_size = match entry.fourcc {
         section::VOLD => CODEC_BYTES,
         section::PDIR => REF_BYTES,
-        section::PAGE | section::BRIK | section::META | section::FNAM => 0,
+        // Codebooks differ in length. Their number is compared with the content by who knows codecs. // spec: ZBT-34
+        section::PAGE | section::BRIK | section::META | section::FNAM | section::CBOK => 0,
         _ if critical => {
             let message = format!("this reader does not know the critical section {name}; use a newer reader");
             return bad(Code::SectionUnknown, 0, "section.fourcc", message);
         }
         _ => return Ok(()),
     };
-    let mandatory = section::MANDATORY.contains(&entry.fourcc);
     if entry.version != SECTION_VERSION {
         let message = format!("{name} has version {}, this reader knows {SECTION_VERSION}", entry.version);
         return bad(Code::Version, 4, "section.version", message);
     }
-    if critical != mandatory {
+    if critical != section::is_critical(entry.fourcc) {
         return bad(Code::Param, 6, "section.flags", format!("{name}: the CRITICAL flag is wrong"));
     }
     if entry.supercompression != 0 && entry.fourcc != section::META {

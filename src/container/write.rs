@@ -23,6 +23,8 @@ pub struct FinishOptions {
     pub optional: u64,
     /// Names of those bits.
     pub feature_names: Vec<FeatureName>,
+    /// The `CBOK` section: its stored bytes, and how many codebooks they are (at least one).
+    pub codebooks: Option<(Vec<u8>, u64)>,
     /// Further sections; each must be COPY_SAFE and not CRITICAL.
     pub extra: Vec<ExtraSection>,
 }

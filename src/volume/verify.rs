@@ -3,6 +3,7 @@
 use super::brick_encoder::with_scratch;
 use super::codecs::check_codecs;
 use crate::codec::Codec;
+use crate::codec::zerobit::Book;
 use crate::container::NodeFlags;
 use crate::container::strict::{StoredBrick, Strict};
 use crate::error::{Error, Result};
@@ -12,6 +13,7 @@ use crate::metrics::value_range;
 use crate::source::ByteSource;
 use crate::supercompression;
 use rayon::prelude::*;
+use std::sync::Arc;
 
 /// Bricks that are read and decoded at a time, per thread: bounds the memory.
 const PER_THREAD: usize = 4;
@@ -52,12 +54,19 @@ pub fn verify(source: &dyn ByteSource, limits: &Limits, progress: &mut dyn FnMut
         Err(e) => return VerifyReport { errors: vec![e], bricks: 0, bytes },
     };
     let null = strict.head().descriptor.null_sample();
+    let books = match read_books(&strict) {
+        Ok(books) => books,
+        Err(e) => {
+            strict.report(e);
+            Arc::default()
+        }
+    };
     let codecs: Vec<Result<Codec>> = strict
         .head()
         .descriptor
         .codecs
         .iter()
-        .map(|c| Codec::from_wire(c.id, c.stream_version, &c.params, null))
+        .map(|c| Codec::from_wire(c.id, c.stream_version, &c.params, null).map(|codec| codec.with_books(&books)))
         .collect();
     // An unknown codec is data until a brick uses it; a known one with wrong parameters never opens.
     let (descriptor, at) = (&strict.head().descriptor, strict.head().section_range(*b"VOLD").start);
@@ -101,6 +110,14 @@ pub fn verify(source: &dyn ByteSource, limits: &Limits, progress: &mut dyn FnMut
     }
     progress(bytes, bytes);
     VerifyReport { errors: strict.finish(&mut read), bricks: good, bytes }
+}
+
+/// The codebooks of section `CBOK`, none where there is no such section. // spec: ZBT-6, ZBT-34
+fn read_books(strict: &Strict) -> Result<Arc<[Book]>> {
+    let Some(section) = strict.codebooks() else { return Ok(Arc::default()) };
+    let (count, at) = (section.entry.item_count, section.entry.offset);
+    let t = strict.head().descriptor.sample_type;
+    Book::read_all(&section.bytes, count, t, at).map(Arc::from)
 }
 
 /// Length of a payload before zstd, and the range of its decoded voxels.

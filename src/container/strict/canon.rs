@@ -30,6 +30,7 @@ impl Strict {
             file_id: Some(b.file_id),
             optional: b.optional,
             feature_names: self.head.feature_names.clone(),
+            codebooks: self.codebooks.take().map(|s| (s.bytes, s.entry.item_count)),
             extra: std::mem::take(&mut self.others),
         };
         let tables = Tables::new(b.clone(), &self.nodes, &order, &self.head.descriptor, options)?;

@@ -52,7 +52,7 @@ impl Strict {
         let expected = match s.fourcc {
             section::META => SectionFlags::COPY_SAFE.0,
             section::FNAM => 0,
-            f if section::MANDATORY.contains(&f) => SectionFlags::CRITICAL.0,
+            f if section::is_critical(f) => SectionFlags::CRITICAL.0,
             _ if s.flags.contains(SectionFlags::GPU_DIRECT) => {
                 return Err(Error::at(Code::Canon, at + 6, "section.flags", format!("{name}: GPU_DIRECT is for BRIK")));
             }
@@ -88,6 +88,13 @@ impl Strict {
         if s.fourcc == section::FNAM {
             // Opening looks at names in the head only.
             self.head.feature_names = features::read_from(&bytes, s.offset)?;
+        } else if s.fourcc == section::CBOK {
+            // spec: ZBT-34
+            if s.item_count == 0 || bytes.is_empty() {
+                let at = self.entry_offset(&s) + 40;
+                return Err(Error::at(Code::Canon, at, "CBOK", "a section of no codebooks must not be there"));
+            }
+            self.codebooks = Some(ExtraSection { entry: s, bytes });
         } else {
             self.others.push(ExtraSection { entry: s, bytes });
         }

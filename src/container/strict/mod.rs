@@ -34,6 +34,8 @@ pub struct Strict {
     pub(super) nodes: NodeStore,
     /// Stored bytes of `META` and of sections that this version does not know.
     pub(super) others: Vec<ExtraSection>,
+    /// The section `CBOK`, if there is one and it is whole.
+    pub(super) codebooks: Option<ExtraSection>,
     pub(super) errors: Vec<Error>,
     bricks: Vec<StoredBrick>,
     /// Where each page lies, for messages.
@@ -52,6 +54,7 @@ impl Strict {
             head,
             nodes: NodeStore::default(),
             others: Vec::new(),
+            codebooks: None,
             errors: Vec::new(),
             bricks: Vec::new(),
             page_offsets: BTreeMap::new(),
@@ -67,6 +70,12 @@ impl Strict {
     #[must_use]
     pub fn head(&self) -> &Head {
         &self.head
+    }
+
+    /// Section `CBOK`, if there is one and its CRC is right: what is in it is not the container's business.
+    #[must_use]
+    pub fn codebooks(&self) -> Option<&ExtraSection> {
+        self.codebooks.as_ref()
     }
 
     /// All stored bricks in the order of the file.

@@ -1,6 +1,7 @@
 //! Tests of the container as a whole, with made-up payloads: no codec is needed to write, read and judge a file.
 
 mod bricks;
+mod codebooks;
 mod descriptor;
 mod hostile;
 mod index;

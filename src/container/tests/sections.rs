@@ -28,9 +28,12 @@ fn crcs() {
         bad[at as usize + 3] ^= 1;
         refused(&bad, Code::SectionCrc, at);
     }
-    let mut bad = file.clone();
-    bad[p.section(*b"META") as usize] ^= 1;
-    strictly_refused(&bad, Code::SectionCrc, p.section(*b"META"));
+    // Opening reads neither of these.
+    for fourcc in [*b"META", *b"CBOK"] {
+        let mut bad = file.clone();
+        bad[p.section(fourcc) as usize] ^= 1;
+        strictly_refused(&bad, Code::SectionCrc, p.section(fourcc));
+    }
     for fourcc in [*b"PAGE", *b"BRIK"] {
         let at = p.entry(fourcc) + 36;
         refused(&changed(&file, at, &[1]), Code::Reserved, at);
@@ -131,7 +134,7 @@ fn mandatory_sections_and_versions() {
     let count = open(&file).unwrap().sections.len();
     for (i, section) in open(&file).unwrap().sections.iter().enumerate() {
         let at = 256 + 64 * i as u64;
-        if !matches!(&section.fourcc, b"META" | b"FNAM") {
+        if !matches!(&section.fourcc, b"META" | b"FNAM" | b"CBOK") {
             let mut without = file.clone();
             without.copy_within(at as usize + 64..256 + 64 * count, at as usize);
             set(&mut without, 76, &(count as u32 - 1).to_le_bytes());
@@ -165,7 +168,7 @@ fn extra(fourcc: FourCc, flags: u16) -> ExtraSection {
 
 #[test] // spec: SEC-10, SEC-11, VER-5; C-07
 fn unknown_sections() {
-    for fourcc in [*b"zzZZ", *b"TIME", *b"CBOK", *b"LFLD", *b"SOLT", *b"MIPT", *b"SCNE"] {
+    for fourcc in [*b"zzZZ", *b"TIME", *b"LFLD", *b"SOLT", *b"MIPT", *b"SCNE"] {
         let options = FinishOptions { extra: vec![extra(fourcc, 2), extra(*b"aaaa", 4)], ..FinishOptions::default() };
         let file = small_with(options);
         assert!(strict(&file).is_empty(), "{:?}", strict(&file));
@@ -193,6 +196,7 @@ fn unknown_sections() {
     for (sections, code) in [
         (vec![extra(*b"abcd", 1)], Code::Param),
         (vec![extra(*b"VOLD", 2)], Code::Param),
+        (vec![extra(*b"CBOK", 2)], Code::Param),
         (vec![wrong_crc], Code::SectionCrc),
         (vec![wrong_alignment], Code::Param),
         (vec![extra(*b"abcd", 2), extra(*b"abcd", 2)], Code::Dup),

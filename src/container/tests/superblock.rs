@@ -114,8 +114,12 @@ fn the_id_follows_from_the_content_or_is_given() {
     let file = small();
     let head = open(&file).unwrap();
     let part = |f| head.resident(head.section(f).unwrap().offset, head.section(f).unwrap().stored_len).unwrap();
-    let hash = blake3::hash(&[part(*b"VOLD"), part(*b"PDIR")].concat());
+    let hash = blake3::hash(&[part(*b"VOLD"), part(*b"PDIR"), part(*b"CBOK")].concat());
     assert_eq!(head.superblock.file_id, hash.as_bytes()[..16]);
+    let tiny = open(&tiny()).unwrap();
+    let part = |f| tiny.resident(tiny.section(f).unwrap().offset, tiny.section(f).unwrap().stored_len).unwrap();
+    let hash = blake3::hash(&[part(*b"VOLD"), part(*b"PDIR")].concat());
+    assert_eq!(tiny.superblock.file_id, hash.as_bytes()[..16]);
     assert_eq!(file, small(), "two writers, one input");
     let given = small_with(FinishOptions { file_id: Some([9; 16]), ..FinishOptions::default() });
     assert_eq!(open(&given).unwrap().superblock.file_id, [9; 16]);

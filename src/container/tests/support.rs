@@ -78,10 +78,17 @@ pub(super) fn put<W: std::io::Write + std::io::Seek>(
 }
 
 /// 40×20×17 voxels, three levels: bricks of all kinds on two levels, an EMPTY one with children on the third, both
-/// alignments, a compressed payload, metadata, and a feature of each known kind.
+/// alignments, a compressed payload, metadata, codebooks, and a feature of each known kind.
 pub(super) fn small() -> Vec<u8> {
-    small_with(FinishOptions { meta: Some(br#"{"a":1}"#.to_vec()), ..FinishOptions::default() })
+    small_with(FinishOptions {
+        meta: Some(br#"{"a":1}"#.to_vec()),
+        codebooks: Some((BOOKS.to_vec(), 2)),
+        ..FinishOptions::default()
+    })
 }
+
+/// What stands for two codebooks: the container does not look into them.
+pub(super) const BOOKS: &[u8] = b"two codebooks in 28 bytes...";
 
 pub(super) fn small_with(options: FinishOptions) -> Vec<u8> {
     let mut d = descriptor([40, 20, 17], 3);
