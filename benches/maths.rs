@@ -45,6 +45,15 @@ fn histogram(vectors: &[Vector]) -> Histogram {
     tally.finish()
 }
 
+/// Contestants, and how many things each does.
+struct Rows<'a>(Vec<(usize, Contestant<'a>)>);
+
+impl<'a> Rows<'a> {
+    fn add(&mut self, per: usize, name: String, run: Box<dyn FnMut() + 'a>) {
+        self.0.push((per, (name, run)));
+    }
+}
+
 fn main() {
     let cells = cells();
     let numerators: Vec<Colours> = cells.iter().map(forward_components).collect();
@@ -61,10 +70,9 @@ fn main() {
         })
         .into();
 
-    let mut rows: Vec<(usize, Contestant<'_>)> = Vec::new();
-    let mut row = |per: usize, name: String, run: Box<dyn FnMut() + '_>| rows.push((per, (name, run)));
+    let mut rows = Rows(Vec::new());
     let (cells, grey, numerators) = (&cells, &grey, &numerators);
-    row(
+    rows.add(
         cells.len(),
         "forward RGB, per cell".into(),
         Box::new(move || {
@@ -73,7 +81,7 @@ fn main() {
             });
         }),
     );
-    row(
+    rows.add(
         grey.len(),
         "forward grey, per cell".into(),
         Box::new(move || {
@@ -83,7 +91,7 @@ fn main() {
         }),
     );
     let flat: Vec<[i32; CELL]> = numerators.iter().map(|c| c.map(|v| v[0])).collect();
-    row(
+    rows.add(
         grey.len(),
         "inverse grey, per cell".into(),
         Box::new(move || {
@@ -103,7 +111,7 @@ fn main() {
         );
         let nearest = Nearest::new(book);
         assert!(set.iter().all(|&v| nearest.find(v) == nearest_plain(book, v)));
-        row(
+        rows.add(
             n,
             format!("find {name}, per vector"),
             Box::new(move || {
@@ -112,7 +120,7 @@ fn main() {
                 });
             }),
         );
-        row(
+        rows.add(
             n.min(4096),
             format!("find {name} plain, per vector"),
             Box::new(move || {
@@ -121,28 +129,28 @@ fn main() {
                 });
             }),
         );
-        row(
+        rows.add(
             n,
             format!("count {name}, per vector"),
             Box::new(move || {
                 black_box(histogram(set));
             }),
         );
-        row(
+        rows.add(
             1,
             format!("median cut of {name}"),
             Box::new(move || {
                 black_box(median_cut(all, 256));
             }),
         );
-        row(
+        rows.add(
             1,
             format!("prepare the search in {name}"),
             Box::new(move || {
                 black_box(Nearest::new(book));
             }),
         );
-        row(
+        rows.add(
             1,
             format!("one round of k-means on {name}"),
             Box::new(move || {
@@ -150,7 +158,7 @@ fn main() {
             }),
         );
     }
-    let (per, mut contestants): (Vec<usize>, Vec<Contestant<'_>>) = rows.into_iter().unzip();
+    let (per, mut contestants): (Vec<usize>, Vec<Contestant<'_>>) = rows.0.into_iter().unzip();
     let timings = interleave(rounds(64 << 20), &mut contestants);
     for (per, t) in per.into_iter().zip(timings) {
         let ns = |d: std::time::Duration| d.as_nanos() as f64 / per as f64;
