@@ -26,47 +26,95 @@ pub const CELL: usize = 64;
 /// Numerators of the 64 coefficients of a cell of single samples.
 #[must_use]
 pub fn forward(cell: &[i32; CELL]) -> [i32; CELL] {
-    forward_components(cell.as_chunks::<1>().0.try_into().expect("64 chunks of one")).map(|[n]| n)
-}
-
-/// Numerators of the 64 coefficients of a cell of vectors, each component by itself.
-#[must_use]
-pub fn forward_components<const C: usize>(cell: &[[i32; C]; CELL]) -> [[i32; C]; CELL] {
     let mut t = *cell;
     for stride in [16, 4, 1] {
         pairs(&mut t, stride);
     }
     // Each 2³ group of `t` now holds its sum at its corner, and the details beside it.
-    let mut out = [[0; C]; CELL];
-    let mut sums = [[0; C]; 8];
+    let mut out = [0; CELL];
+    let mut sums = [0; 8];
     for part in 0..8 {
-        let corner = 2 * (part & 1) + 8 * (part >> 1 & 1) + 32 * (part >> 2);
+        let corner = corner(part);
         sums[part] = t[corner];
         for j in 1..8 {
-            out[7 + 7 * part + j] = t[corner + (j >> 2) + 4 * (j >> 1 & 1) + 16 * (j & 1)];
+            out[7 * part + 7 + j] = t[corner + (j >> 2) + 4 * (j >> 1 & 1) + 16 * (j & 1)];
         }
     }
-    for stride in [4, 2, 1] {
-        pairs(&mut sums, stride);
-    }
-    for j in 0..8 {
-        out[j] = sums[(j >> 2) + 2 * (j >> 1 & 1) + 4 * (j & 1)];
+    out[..8].copy_from_slice(&forward_group(sums));
+    out
+}
+
+/// Numerators of the 64 coefficients of a cell of vectors, each component by itself.
+#[must_use]
+pub fn forward_components<const C: usize>(cell: &[[i32; C]; CELL]) -> [[i32; C]; CELL] {
+    let mut out = [[0; C]; CELL];
+    for from in (0..C).step_by(4) {
+        let here = 4.min(C - from);
+        let mut sums = [Lanes([0; 4]); 8];
+        for part in 0..8 {
+            let corner = corner(part);
+            let group = forward_group(std::array::from_fn(|sub| {
+                let v = &cell[corner + (sub & 1) + 4 * (sub >> 1 & 1) + 16 * (sub >> 2)];
+                Lanes(std::array::from_fn(|k| if k < here { v[from + k] } else { 0 }))
+            }));
+            sums[part] = group[0];
+            for j in 1..8 {
+                out[7 * part + 7 + j][from..from + here].copy_from_slice(&group[j].0[..here]);
+            }
+        }
+        for (out, sum) in out.iter_mut().zip(forward_group(sums)) {
+            out[from..from + here].copy_from_slice(&sum.0[..here]);
+        }
     }
     out
 }
 
+/// Four components, which one instruction adds.
+#[derive(Clone, Copy)]
+struct Lanes([i32; 4]);
+
+impl Add for Lanes {
+    type Output = Lanes;
+    #[inline(always)]
+    fn add(self, other: Lanes) -> Lanes {
+        Lanes(std::array::from_fn(|k| self.0[k] + other.0[k]))
+    }
+}
+
+impl Sub for Lanes {
+    type Output = Lanes;
+    #[inline(always)]
+    fn sub(self, other: Lanes) -> Lanes {
+        Lanes(std::array::from_fn(|k| self.0[k] - other.0[k]))
+    }
+}
+
+/// Where the 2³ voxels of a part (counted from 0) begin.
+const fn corner(part: usize) -> usize {
+    2 * (part & 1) + 8 * (part >> 1 & 1) + 32 * (part >> 2)
+}
+
 /// Replaces each pair of neighbours along the axis of `stride` by its sum and its difference.
 #[inline(always)]
-fn pairs<const C: usize, const N: usize>(t: &mut [[i32; C]; N], stride: usize) {
-    for start in (0..N).step_by(2 * stride) {
+fn pairs(t: &mut [i32; CELL], stride: usize) {
+    for start in (0..CELL).step_by(2 * stride) {
         for at in start..start + stride {
-            for c in 0..C {
-                let (a, b) = (t[at][c], t[at + stride][c]);
-                t[at][c] = a + b;
-                t[at + stride][c] = a - b;
-            }
+            let (a, b) = (t[at], t[at + stride]);
+            t[at] = a + b;
+            t[at + stride] = a - b;
         }
     }
+}
+
+/// Sum (at 0) and details j = 1 to 7, not divided, of a 2³ group in the order `4·z + 2·y + x`.
+#[inline(always)]
+fn forward_group<T: Copy + Add<Output = T> + Sub<Output = T>>(v: [T; 8]) -> [T; 8] {
+    let plane = |a: T, b: T, c: T, d: T| {
+        let (l0, h0, l1, h1) = (a + b, a - b, c + d, c - d);
+        [l0 + l1, l0 - l1, h0 + h1, h0 - h1]
+    };
+    let [near, far] = [plane(v[0], v[1], v[2], v[3]), plane(v[4], v[5], v[6], v[7])];
+    std::array::from_fn(|j| if j & 1 == 0 { near[j >> 1] + far[j >> 1] } else { near[j >> 1] - far[j >> 1] })
 }
 
 /// The samples whose numerators [`forward`] gave, exactly.
@@ -80,7 +128,7 @@ pub fn inverse(numerators: &[i32; CELL]) -> [i32; CELL] {
     for (part, sum) in sums.into_iter().enumerate() {
         let details = &numerators[7 * part + 7..];
         let samples = inverse_group(std::array::from_fn(|j| if j == 0 { sum >> 3 } else { details[j] }));
-        let corner = 2 * (part & 1) + 8 * (part >> 1 & 1) + 32 * (part >> 2);
+        let corner = corner(part);
         for (sub, sample) in samples.into_iter().enumerate() {
             cell[corner + (sub & 1) + 4 * (sub >> 1 & 1) + 16 * (sub >> 2)] = sample >> 3;
         }

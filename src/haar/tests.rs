@@ -173,5 +173,9 @@ proptest! {
         for c in 0..3 {
             prop_assert_eq!(found.map(|v| v[c]), forward(&cell.map(|v| v[c])));
         }
+        // More components than are added at once.
+        let wide = forward_components(&cell.map(|[a, b, c]| [a, b, c, a, b]));
+        prop_assert_eq!(wide, found.map(|[a, b, c]| [a, b, c, a, b]));
+        prop_assert_eq!(forward_components(&cell.map(|v| [v[2]])), found.map(|v| [v[2]]));
     }
 }

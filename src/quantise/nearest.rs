@@ -3,10 +3,13 @@
 use super::{MAX_BOOK, Vector, squared_distance};
 
 /// Candidates that a leaf may hold without being split.
-const FEW: usize = 6;
+const FEW: usize = 8;
 
 /// Side of the smallest node, as a power of two. Nodes on a point where many words are equally near stay large else.
 const SMALLEST_LOG2: u32 = 2;
+
+/// Levels that a search takes in one step.
+const TOP_LOG2: u32 = 3;
 
 /// Candidates in all leaves behind which no node is split any more, so that a tree stays within some megabytes.
 const MANY: usize = 1 << 17;
@@ -97,7 +100,8 @@ impl Line {
 struct Tree {
     corner: Vector,
     side_log2: u32,
-    root: u32,
+    /// Links for the cubes [`TOP_LOG2`] levels down, x fastest.
+    top: Vec<u32>,
     nodes: Vec<[u32; 8]>,
     /// Words and their indices, ascending in each leaf.
     candidates: Vec<(Vector, u32)>,
@@ -108,6 +112,14 @@ struct Tree {
 struct Cube {
     low: [i64; 3],
     side_log2: u32,
+}
+
+/// A word, its index and the sum of its squares.
+#[derive(Clone, Copy)]
+struct Word {
+    at: [i64; 3],
+    index: u32,
+    square: i64,
 }
 
 impl Tree {
@@ -122,32 +134,49 @@ impl Tree {
         // What is looked up lies around the words as well: twice their extent, and at least twice that of a byte.
         let side_log2 = (2 * longest + 1).next_power_of_two().trailing_zeros().max(9);
         let low = ends.map(|(low, high)| (low + high).div_euclid(2) - (1 << (side_log2 - 1)));
-        let fits = |c: i64| i32::try_from(c).is_ok() && i32::try_from(c + (1 << side_log2) - 1).is_ok();
-        if side_log2 > 30 || !low.into_iter().all(fits) {
+        if side_log2 > 27 || low.iter().any(|c| c.abs() > 1 << 28) {
             return None;
         }
+        let word = |(index, w): (u32, &Vector)| {
+            let at = w.map(i64::from);
+            Word { at, index, square: at.iter().map(|c| c * c).sum() }
+        };
+        let words: Vec<Word> = (0..).zip(book).map(word).collect();
         let corner = low.map(|c| c as i32);
-        let mut tree = Tree { corner, side_log2, root: LEAF, nodes: Vec::new(), candidates: Vec::new() };
-        let words: Vec<(Vector, u32)> = book.iter().copied().zip(0..).collect();
-        tree.root = tree.build(Cube { low, side_log2 }, words);
+        let mut tree = Tree { corner, side_log2, top: Vec::new(), nodes: Vec::new(), candidates: Vec::new() };
+        let root = tree.build(Cube { low, side_log2 }, &words, book);
+        let bits = |n: u32| [n, n >> TOP_LOG2, n >> (2 * TOP_LOG2)].map(|v| v & ((1 << TOP_LOG2) - 1));
+        tree.top = (0..1 << (3 * TOP_LOG2)).map(|n| tree.descend(root, TOP_LOG2, bits(n), TOP_LOG2)).collect();
         Some(tree)
     }
 
     /// Adds the part of the tree for a cube, whose words are among `words`, and returns the link to it.
-    fn build(&mut self, cube: Cube, words: Vec<(Vector, u32)>) -> u32 {
+    fn build(&mut self, cube: Cube, words: &[Word], book: &[Vector]) -> u32 {
         let words = cube.contenders(words);
         if words.len() <= FEW || cube.side_log2 <= SMALLEST_LOG2 || self.candidates.len() >= MANY {
             let link = LEAF | (words.len() as u32 - 1) << 23 | self.candidates.len() as u32;
-            self.candidates.extend(words);
+            self.candidates.extend(words.iter().map(|w| (book[w.index as usize], w.index)));
             return link;
         }
         let node = self.nodes.len();
         self.nodes.push([0; 8]);
         for child in 0..8 {
-            let link = self.build(cube.child(child), words.clone());
+            let link = self.build(cube.child(child), &words, book);
             self.nodes[node][child] = link;
         }
         node as u32
+    }
+
+    /// Follows at most `levels` links towards a point, whose places have `bits` bits.
+    #[inline(always)]
+    fn descend(&self, mut link: u32, mut bits: u32, at: [u32; 3], levels: u32) -> u32 {
+        let end = bits - levels;
+        while link & LEAF == 0 && bits > end {
+            bits -= 1;
+            let child = (at[0] >> bits & 1) | (at[1] >> bits & 1) << 1 | (at[2] >> bits & 1) << 2;
+            link = self.nodes[link as usize][child as usize];
+        }
+        link
     }
 
     #[inline]
@@ -156,12 +185,9 @@ impl Tree {
         if (at[0] | at[1] | at[2]) >> self.side_log2 != 0 {
             return None;
         }
-        let (mut link, mut bit) = (self.root, self.side_log2);
-        while link & LEAF == 0 {
-            bit -= 1;
-            let child = (at[0] >> bit & 1) | (at[1] >> bit & 1) << 1 | (at[2] >> bit & 1) << 2;
-            link = self.nodes[link as usize][child as usize];
-        }
+        let bits = self.side_log2 - TOP_LOG2;
+        let top = at[0] >> bits | at[1] >> bits << TOP_LOG2 | at[2] >> bits << (2 * TOP_LOG2);
+        let link = self.descend(self.top[top as usize], bits, at, bits);
         let (from, more) = ((link & 0x7F_FFFF) as usize, (link >> 23 & 0xFF) as usize);
         let leaf = self.candidates.get(from..=from + more)?;
         let (mut best, mut index) = (u64::MAX, 0);
@@ -180,33 +206,41 @@ impl Cube {
         Cube { low: std::array::from_fn(|c| self.low[c] + ((which as i64 >> c & 1) << side_log2)), side_log2 }
     }
 
-    /// The words that are found for some point of the cube, and maybe a few more.
+    /// The words that are found for some point of the cube, and maybe more.
     ///
     /// A word is out if another one, the one nearest to the centre or to a corner, is found rather than it everywhere.
-    fn contenders(self, mut words: Vec<(Vector, u32)>) -> Vec<(Vector, u32)> {
+    fn contenders(self, words: &[Word]) -> Vec<Word> {
         let last = (1 << self.side_log2) - 1;
-        let half = last / 2;
-        let places = std::iter::once([half; 3]).chain((0..8).map(|k| std::array::from_fn(|c| (k >> c & 1) * last)));
-        for place in places {
+        let winner = |words: &[Word], place: [i64; 3]| {
             let point: [i64; 3] = std::array::from_fn(|c| self.low[c] + place[c]);
-            let apart = |w: &Vector| (0..3).map(|c| (i64::from(w[c]) - point[c]).pow(2)).sum::<i64>();
-            let Some(&winner) = words.iter().min_by_key(|(w, _)| apart(w)) else { return words };
-            words.retain(|word| word.1 == winner.1 || !self.beats(winner, *word));
+            // |p − w|² but for |p|², which is the same for all.
+            let apart = |w: &Word| w.square - 2 * (0..3).map(|c| point[c] * w.at[c]).sum::<i64>();
+            words.iter().copied().min_by_key(apart)
+        };
+        let Some(first) = winner(words, [last / 2; 3]) else { return Vec::new() };
+        let stays = |winner: &Word, word: &Word| word.index == winner.index || !self.beats(winner, word);
+        let mut left: Vec<Word> = words.iter().copied().filter(|w| stays(&first, w)).collect();
+        for k in 0..8 {
+            if left.len() <= FEW {
+                break;
+            }
+            if let Some(winner) = winner(&left, std::array::from_fn(|c| (k >> c & 1) * last)) {
+                left.retain(|w| stays(&winner, w));
+            }
         }
-        words
+        left
     }
 
     /// Whether `winner` is found rather than `word` at every point of the cube.
-    fn beats(self, winner: (Vector, u32), word: (Vector, u32)) -> bool {
+    #[inline]
+    fn beats(self, winner: &Word, word: &Word) -> bool {
         // |p − winner|² − |p − word|² is linear in p, so it is largest in a corner.
-        let last = (1i64 << self.side_log2) - 1;
-        let most: i128 = (0..3)
-            .map(|c| {
-                let (a, b) = (i128::from(winner.0[c]), i128::from(word.0[c]));
-                let p = i128::from(if b > a { self.low[c] + last } else { self.low[c] });
-                a * a - b * b + 2 * p * (b - a)
-            })
-            .sum();
-        most < 0 || (most == 0 && winner.1 < word.1)
+        let last = (1 << self.side_log2) - 1;
+        let most = |c: usize| {
+            let apart = word.at[c] - winner.at[c];
+            2 * apart * (self.low[c] + if apart > 0 { last } else { 0 })
+        };
+        let most = winner.square - word.square + most(0) + most(1) + most(2);
+        most < 0 || (most == 0 && winner.index < word.index)
     }
 }
