@@ -61,7 +61,8 @@ pub fn encode<W: Write + Seek>(
         progress(done, total);
     };
     let choice = choose(reader, options, null, &mut advance)?;
-    let mut writer = VolumeWriter::create(out, Shape::single(extent, t), choice.codec.clone(), choice.brick_log2, options)?;
+    let mut writer =
+        VolumeWriter::create(out, Shape::single(extent, t), choice.codec.clone(), choice.brick_log2, options)?;
     let mut books = Vec::new();
     for lod in 0..options.lod_count(extent, choice.brick_log2)? {
         let encoder = writer.encoder();
