@@ -116,12 +116,14 @@ pub(super) enum NanArg {
     Null,
 }
 
-/// Turns a volume (raw, npy, NRRD, NIfTI) into a .vug file
+/// Turns a volume (raw, npy, NRRD, NIfTI, a folder of slices) into a .vug file
 #[derive(Args)]
 #[command(after_help = "Quality: give --index-bits and/or --block, or exactly one of --max-error, --psnr, --rate.
 Without any: s3dc, 4 bits, blocks of 4×4×4, bricks of 64³, minmax. With a bound and no --codec: auto.
-Explicit settings read raw and npy sources slab by slab, once; bounds read them twice, auto once more. NRRD and NIfTI
-that are compressed are held in memory.
+Explicit settings read raw and npy sources and stacks slab by slab, once; bounds read them twice, auto once more. NRRD
+and NIfTI that are compressed are held in memory.
+A folder is a stack of PNG, TIFF or JPEG slices of one size and type, in natural order (2 before 10): 8- or 16-bit grey,
+8-bit colour; TIFF also has 32-bit and float grey, and pages of one file as slices. Spacing is then unknown.
 
 Examples:
   vug encode head.nrrd head.vug
@@ -129,9 +131,10 @@ Examples:
   vug encode ct.nii.gz ct.vug --max-error 10          no voxel is off by more than 10
   vug encode ct.nii.gz ct.vug --max-error 0.5%        … of the volume's range
   vug encode turb.raw turb.vug --shape 512,512,512 --dtype f32 --psnr 50
+  vug encode slices/ stack.vug --codec raw            slices/*.png, *.tif or *.jpg
   vug encode head.nrrd head.vug --no-zstd             to be mapped, or handed to the GPU as it is")]
 pub(super) struct Encode {
-    /// Volume to read: .nrrd .nhdr .nii .nii.gz .hdr .npy .raw
+    /// Volume to read: .nrrd .nhdr .nii .nii.gz .hdr .npy .raw .tif, or a folder of .png, .tif or .jpg slices
     pub(super) source: PathBuf,
     /// File to write
     pub(super) target: PathBuf,
@@ -186,17 +189,23 @@ pub(super) struct Encode {
     pub(super) common: Common,
 }
 
-/// Turns a .vug file back into a volume (NRRD, NIfTI, npy, raw, by the target's name)
+/// Turns a .vug file back into a volume (NRRD, NIfTI, npy, raw, slices, by the target's name)
 #[derive(Args)]
-#[command(after_help = "Examples:
+#[command(
+    after_help = "Slices: a folder (slices/) takes 0000.png and so on; out/slice_####.tif says format and number. PNG holds u8, u16, rgb8;
+TIFF all types, and all slices as pages of one file (stack.tif); JPEG u8 and rgb8, at quality 95: lossy. None keeps spacing.
+
+Examples:
   vug decode head.vug back.nrrd
   vug decode head.vug part.npy --region 0:64,0:64,10:20     x, y, z; the end is not included
   vug decode head.vug small.nii.gz --level 1
-  vug decode damaged.vug rest.nrrd --salvage                lost bricks become the null value; exit 1")]
+  vug decode head.vug slices/                               or slices/s_####.tif
+  vug decode damaged.vug rest.nrrd --salvage                lost bricks become the null value; exit 1"
+)]
 pub(super) struct Decode {
     /// .vug file
     pub(super) source: PathBuf,
-    /// File to write: .nrrd .nhdr .nii .nii.gz .hdr .npy .raw
+    /// File to write: .nrrd .nhdr .nii .nii.gz .hdr .npy .raw .tif; or slices: folder/, name_####.png .tif .jpg
     pub(super) target: PathBuf,
     /// Level of detail; 0 is the finest
     #[arg(long, value_name = "L", default_value = "0")]
