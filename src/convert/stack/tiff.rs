@@ -18,8 +18,9 @@ use tiff::encoder::{TiffEncoder, TiffKind, colortype};
 use tiff::tags::Tag;
 use tiff::{ColorType, TiffError};
 
-/// Largest list of strips or tiles.
-const LIST_BYTES: usize = 16 << 20;
+/// Most strips or tiles of a page, and the decoder's bytes for each of them.
+const MAX_LIST: usize = 16 << 20;
+const NUMBER_BYTES: usize = 32;
 
 type Reader = Decoder<BufReader<File>>;
 
@@ -61,8 +62,10 @@ fn open(path: &Path) -> Result<(Reader, u64)> {
     let (file, len) = payload::open(path)?;
     let decoder = Decoder::new(BufReader::new(file)).map_err(|e| failed(path, e))?;
     let longest = usize::try_from(len).unwrap_or(usize::MAX);
-    let mut limits = Limits::unlimited();
-    (limits.ifd_value_size, limits.intermediate_buffer_size) = (LIST_BYTES, longest);
+    let mut limits = Limits::default();
+    // The decoder takes memory for lists by their declared length; pixels go into our own buffer.
+    limits.decoding_buffer_size = (longest.min(MAX_LIST) + 128) * NUMBER_BYTES;
+    limits.intermediate_buffer_size = longest;
     Ok((decoder.with_limits(limits), len))
 }
 
