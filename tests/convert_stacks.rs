@@ -75,7 +75,7 @@ fn what_a_format_holds_comes_back_exactly() {
                 let target = dir.join(pattern);
                 if i < 2 && matches!(t, SampleType::I16 | SampleType::F32) {
                     let e = write(&target, &grid).unwrap_err();
-                    assert!(e.code() == Code::Unsupported && e.message().contains("TIFF holds"), "{e}");
+                    assert!(e.code() == Code::Unsupported && e.message().contains("TIFF does"), "{e}");
                     assert!(!dir.exists(), "refused before anything is made");
                     continue;
                 }
@@ -112,7 +112,7 @@ fn jpeg_is_near() {
     }
     for grid in volumes(Extent::cube(2)).iter().filter(|g| g.sample_type() == SampleType::U16) {
         let e = write(&temp.path().join("x/#.jpg"), grid).unwrap_err();
-        assert!(e.code() == Code::Unsupported && e.message().contains("PNG and TIFF"), "{e}");
+        assert!(e.code() == Code::Unsupported && e.message().contains("PNG and TIFF do"), "{e}");
     }
 }
 

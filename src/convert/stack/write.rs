@@ -17,8 +17,8 @@ use std::path::Path;
 pub(in crate::convert) fn check(path: &Path, image: Image, extent: Extent, sample_type: SampleType) -> Result<()> {
     if !image.holds(sample_type) {
         let message = match sample_type {
-            SampleType::U16 => "PNG and TIFF hold u16 (slices/, slice_####.tif), as do NRRD and NIfTI".to_owned(),
-            t => format!("TIFF holds {t} (slice_####.tif), as do NRRD and NIfTI"),
+            SampleType::U16 => "PNG and TIFF do (slices/, slice_####.tif), as do NRRD and NIfTI",
+            _ => "TIFF does (slice_####.tif), as do NRRD and NIfTI",
         };
         return Err(fault::unsupported(path, "format", format!("{} holds no {sample_type}; {message}", image.name())));
     }
