@@ -55,7 +55,9 @@ fn the_colour_head_is_the_same_everywhere_and_looks_like_one() {
     let g = phantom(Extent::new(96, 96, 80), SampleType::Rgb8).unwrap();
     assert_eq!(crc32fast::hash(g.bytes()), PINNED_COLOUR, "a changed phantom changes the figures of the demo");
     let samples = g.samples::<[u8; 3]>();
-    let share = |f: &dyn Fn([u8; 3]) -> bool| samples.iter().filter(|&&v| f(v)).count() as f64 / samples.len() as f64;
+    let share = |f: &dyn Fn([i32; 3]) -> bool| {
+        samples.iter().filter(|v| f(v.map(i32::from))).count() as f64 / samples.len() as f64
+    };
     assert!(share(&|v| v == [0; 3]) > 0.5, "background");
     assert!(share(&|[r, g, b]| r > 100 && r > 2 * g && r > 2 * b) > 0.01, "flesh");
     assert!(share(&|[r, g, b]| r > 200 && g > 180 && b > 150) > 0.02, "white matter and bone");
