@@ -122,8 +122,8 @@ pub(super) enum NanArg {
 Without any: s3dc, 4 bits, blocks of 4×4×4, bricks of 64³, minmax. With a bound and no --codec: auto.
 Explicit settings read raw and npy sources and stacks slab by slab, once; bounds read them twice, auto once more. NRRD
 and NIfTI that are compressed are held in memory.
-A folder is a stack of PNG, TIFF or JPEG slices of one size and type, in natural order (2 before 10): 8- or 16-bit grey,
-8-bit colour; TIFF also has 32-bit and float grey, and pages of one file as slices. Spacing is then unknown.
+A folder is a stack of PNG, TIFF or JPEG slices of one size and type, in natural order (2 before
+10): 8- or 16-bit grey or 8-bit colour; TIFF also 32-bit and float grey, and pages as slices.
 
 Examples:
   vug encode head.nrrd head.vug
@@ -191,17 +191,16 @@ pub(super) struct Encode {
 
 /// Turns a .vug file back into a volume (NRRD, NIfTI, npy, raw, slices, by the target's name)
 #[derive(Args)]
-#[command(
-    after_help = "Slices: a folder (slices/) takes 0000.png and so on; out/slice_####.tif says format and number. PNG holds u8, u16, rgb8;
-TIFF all types, and all slices as pages of one file (stack.tif); JPEG u8 and rgb8, at quality 95: lossy. None keeps spacing.
+#[command(after_help = "Slices: a folder (slices/) takes 0000.png and so on; slice_####.tif says format and number.
+PNG holds u8, u16 and rgb8; TIFF all types, and all slices as pages of one file (stack.tif);
+JPEG u8 and rgb8, at quality 95: lossy. None of them keeps spacing.
 
 Examples:
   vug decode head.vug back.nrrd
   vug decode head.vug part.npy --region 0:64,0:64,10:20     x, y, z; the end is not included
   vug decode head.vug small.nii.gz --level 1
   vug decode head.vug slices/                               or slices/s_####.tif
-  vug decode damaged.vug rest.nrrd --salvage                lost bricks become the null value; exit 1"
-)]
+  vug decode damaged.vug rest.nrrd --salvage                lost bricks become the null value; exit 1")]
 pub(super) struct Decode {
     /// .vug file
     pub(super) source: PathBuf,

@@ -89,7 +89,7 @@ pub struct ImportOptions {
     pub dtype: Option<SampleType>,
     /// Type and byte order that a raw file stores; `None` means `dtype`, little endian. All others ignore it.
     pub raw_dtype: Option<Stored>,
-    /// Most bytes that a packed file may unpack to.
+    /// Most bytes that a packed file, or a slice of a stack, may unpack to.
     pub max_bytes: u64,
 }
 
