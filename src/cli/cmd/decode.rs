@@ -60,6 +60,9 @@ pub(super) fn run(args: &Decode) -> Result<Verdict> {
     Ok(if lost.is_empty() { Verdict::Ok } else { Verdict::Bad })
 }
 
+/// Most files that are held open until all are written; more of them are closed, which lets go of their locks.
+const OPEN_FILES: usize = 16;
+
 /// Writes all files before the first appears; the header of a pair appears last.
 fn write(target: &Target, force: bool, grid: &Grid, info: &ExportInfo<'_>) -> Result<()> {
     let new_folder = target.folder().filter(|folder| !folder.exists());
@@ -70,7 +73,9 @@ fn write(target: &Target, force: bool, grid: &Grid, info: &ExportInfo<'_>) -> Re
         let mut file = BufWriter::new(AtomicFile::create(path, force)?);
         target.write(index, &mut file, grid, info)?;
         let mut file = file.into_inner().map_err(|e| Error::io(path.display(), e.into_error()))?;
-        file.park()?;
+        if target.files().len() > OPEN_FILES {
+            file.park()?;
+        }
         Ok(file)
     };
     let files: Result<Vec<AtomicFile>> = target.files().par_iter().enumerate().map(one).collect();
