@@ -22,6 +22,7 @@ mod lod;
 mod open;
 mod options;
 mod pages;
+mod reduced;
 mod region;
 mod salvage;
 mod shortcut;

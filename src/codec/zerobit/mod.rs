@@ -20,12 +20,14 @@ mod decode;
 mod inverse;
 mod layout;
 mod params;
+mod reduced;
 mod tally;
 
 pub use book::{Book, MAX_WORDS, Word};
 pub use decode::{Coefficients, Context};
 pub use layout::{CELL_EDGE, Cell, Layout, OldCell, UNIT_CELLS, UNIT_EDGE, Unit, unit};
 pub use params::{KEEP_ALL, Norm, Params, Stream, Threshold, Training};
+pub use reduced::{MAX_STEPS, check_steps};
 pub use tally::{Case, Counts, Tally};
 
 use crate::codec::BrickPart;
