@@ -5,7 +5,8 @@ use std::collections::BTreeMap;
 use std::io::Cursor;
 use std::sync::Arc;
 use vug::codec::Codec;
-use vug::codec::zerobit::{Book, Layout, Params, Stream, Word, Zerobit};
+use vug::codec::zerobit::bits::Popcount;
+use vug::codec::zerobit::{Book, Coefficients, Layout, Params, Stream, Word, Zerobit, unit};
 use vug::container::{CodecEntry, FileWriter, FinishOptions, Node, NodeFlags, VolumeDescriptor};
 use vug::geometry::{Extent, Region};
 use vug::grid::{Grid, ViewMut};
@@ -34,16 +35,16 @@ impl Random {
     }
 }
 
-/// A stored cell: index of its average, and those of details by (node, detail): node 0 is level 0, 1 to 8 are level 1.
+/// A stored cell: index of its average (only the old stream can do without), and those of details by (node, detail): node 0 is level 0, 1 to 8 are level 1.
 #[derive(Clone, Debug, Default)]
 pub struct CellSpec {
-    pub average: u8,
+    pub average: Option<u8>,
     pub details: BTreeMap<(u8, u8), u8>,
 }
 
 impl CellSpec {
     pub fn new(average: u8, details: &[((u8, u8), u8)]) -> CellSpec {
-        CellSpec { average, details: details.iter().copied().collect() }
+        CellSpec { average: Some(average), details: details.iter().copied().collect() }
     }
 
     fn node(&self, i: u8) -> Vec<u8> {
@@ -62,7 +63,7 @@ pub fn new_unit(cells: &UnitSpec) -> Vec<u8> {
         let nodes: Vec<u8> = (1..=8).filter(|&i| !cell.node(i).is_empty()).collect();
         let level_0 = u32::from(!cell.node(0).is_empty());
         offsets.extend((dis.len() as u32 | (zsms.len() as u32 | level_0 << 15) << 16).to_le_bytes());
-        averages.push(cell.average);
+        averages.push(cell.average.expect("the new stream has one for every cell"));
         zsms.push(nodes.iter().fold(0u8, |byte, i| byte | 1 << (8 - i)));
         for i in (0..=8).filter(|&i| !cell.node(i).is_empty()) {
             let flag = if i == 0 { 0x80 } else { 0 };
@@ -81,16 +82,48 @@ pub fn old_unit(cells: &UnitSpec) -> Vec<u8> {
     let cbft = cells.keys().fold(0u64, |all, n| all | 1 << n);
     let (mut flags, mut offsets, mut indices) = (Vec::new(), Vec::new(), Vec::new());
     for cell in cells.values() {
-        let word = cell.details.keys().fold(1u64, |all, (i, j)| all | 1 << (7 * i + j));
+        let word = cell.details.keys().fold(u64::from(cell.average.is_some()), |all, (i, j)| all | 1 << (7 * i + j));
         flags.extend(word.to_le_bytes());
         offsets.extend((indices.len() as u16).to_le_bytes());
-        indices.push(cell.average);
+        indices.extend(cell.average);
         indices.extend(cell.details.values());
     }
     let mut bytes = cbft.to_le_bytes().to_vec();
     [flags, offsets, indices].iter().for_each(|part| bytes.extend(part));
     bytes.resize(bytes.len().next_multiple_of(4), 0);
     bytes
+}
+
+/// Linear numbers of the stored cells of Fig. 6; the paper's "cell 8" is the ninth.
+pub const FIGURE_CELLS: [u8; 9] = [0, 1, 5, 6, 20, 21, 22, 40, 41];
+
+/// The unit block of Fig. 6 from its description: indices of details count up from 0.
+pub fn figure() -> UnitSpec {
+    let mut next = 0;
+    let mut cells = UnitSpec::new();
+    for (rank, n) in (0u8..).zip(FIGURE_CELLS) {
+        let mut places: Vec<(u8, u8)> = Vec::new();
+        let mut node = |i: u8, details: &[u8]| places.extend(details.iter().map(|&j| (i, j)));
+        match rank {
+            0 => {
+                node(0, &[1, 2, 4]);
+                node(1, &[3, 6, 7]);
+            }
+            8 => {
+                node(0, &[1, 4, 6]);
+                node(3, &[1, 7]);
+                node(5, &[2, 3, 5, 7]);
+            }
+            _ => {
+                node(0, &[1, 2, 4]);
+                node(rank + 1, &[3, 6]);
+            }
+        }
+        let details: BTreeMap<(u8, u8), u8> = places.into_iter().zip(next..).collect();
+        next += details.len() as u8;
+        cells.insert(n, CellSpec { average: Some(10 + rank), details });
+    }
+    cells
 }
 
 /// A payload of unit blocks; an empty one is void.
@@ -110,6 +143,31 @@ pub fn payload(stream: Stream, book: u32, units: &[UnitSpec]) -> Vec<u8> {
     bytes.extend(directory);
     bytes.extend(blocks);
     bytes
+}
+
+/// The unit blocks of a payload, as the plain decoder finds them.
+pub fn parse(stream: Stream, payload: &[u8], brick: Extent) -> Vec<UnitSpec> {
+    let spec = |cell: &dyn Fn(u8, u8) -> Option<u8>, average| CellSpec {
+        average,
+        details: (0..9)
+            .flat_map(|i| (1..8).map(move |j| (i, j)))
+            .filter_map(|(i, j)| cell(i, j).map(|index| ((i, j), index)))
+            .collect(),
+    };
+    let count = Popcount;
+    let parse_unit = |index: usize| {
+        let Some(unit) = unit(payload, index) else { return UnitSpec::new() };
+        let cell = |n: u32| match stream {
+            Stream::New => unit
+                .cell(n, count)
+                .map(|c| spec(&|i, j| c.detail(i.into(), j.into(), count, &mut ()), c.average(&mut ()))),
+            Stream::Old => unit
+                .old_cell(n, count)
+                .map(|c| spec(&|i, j| c.detail(i.into(), j.into(), count, &mut ()), c.average(&mut ()))),
+        };
+        (0..64u8).filter_map(|n| cell(n.into()).map(|cell| (n, cell))).collect()
+    };
+    (0..Layout::new(brick).units.voxels() as usize).map(parse_unit).collect()
 }
 
 /// A word of a type, from one number.
@@ -160,7 +218,7 @@ pub fn units(random: &mut Random, brick: Extent, words: [usize; 2]) -> Vec<UnitS
                 if unit % 3 == 2 || random.below(3) == 0 {
                     continue; // void unit blocks, null cells
                 }
-                let mut cell = CellSpec { average: random.below(words[0]) as u8, ..CellSpec::default() };
+                let mut cell = CellSpec { average: Some(random.below(words[0]) as u8), ..CellSpec::default() };
                 for i in 0..9 {
                     for j in 1..8 {
                         if random.below(dense + 1) == 0 && i % 2 == 0 {
