@@ -10,6 +10,9 @@ pub mod limits;
 pub mod supercompression;
 pub mod voxel;
 
+pub mod haar;
+pub mod quantise;
+
 pub mod codec;
 pub mod container;
 #[cfg(feature = "convert")]

@@ -13,6 +13,8 @@ const LAYERS: &[(&str, u8)] = &[
     ("grid", 0),
     ("checksum", 0),
     ("supercompression", 0),
+    ("haar", 1),
+    ("quantise", 1),
     ("codec", 2),
     ("container", 2),
     ("source", 2),

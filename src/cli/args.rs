@@ -94,9 +94,11 @@ pub(super) struct Demo {
 pub(super) enum CodecArg {
     /// Block minimum and maximum and an index per voxel
     S3dc,
+    /// Wavelets on cells of 4³ voxels, vector-quantised: rgb8, u8, u16, i16
+    Zerobit,
     /// Lossless
     Raw,
-    /// s3dc, or raw where that is no larger or s3dc cannot hold the bound
+    /// s3dc (rgb8 under a bound: zerobit), or raw where that is no larger or holds a bound that they cannot
     Auto,
 }
 
@@ -118,10 +120,11 @@ pub(super) enum NanArg {
 
 /// Turns a volume (raw, npy, NRRD, NIfTI) into a .vug file
 #[derive(Args)]
-#[command(after_help = "Quality: give --index-bits and/or --block, or exactly one of --max-error, --psnr, --rate.
-Without any: s3dc, 4 bits, blocks of 4×4×4, bricks of 64³, minmax. With a bound and no --codec: auto.
-Explicit settings read raw and npy sources slab by slab, once; bounds read them twice, auto once more. NRRD and NIfTI
-that are compressed are held in memory.
+#[command(
+    after_help = "Quality: give --index-bits and/or --block (s3dc), or --keep (zerobit), or exactly one of --max-error, --psnr, --rate.
+Without any: s3dc, 4 bits, blocks of 4×4×4, bricks of 64³, minmax; rgb8: raw. With a bound and no --codec: auto.
+Explicit settings read raw and npy sources slab by slab, once; bounds read them twice, auto once more; zerobit three
+times, and twice more for every ratio that a bound makes it try. NRRD and NIfTI that are compressed are held in memory.
 
 Examples:
   vug encode head.nrrd head.vug
@@ -129,7 +132,10 @@ Examples:
   vug encode ct.nii.gz ct.vug --max-error 10          no voxel is off by more than 10
   vug encode ct.nii.gz ct.vug --max-error 0.5%        … of the volume's range
   vug encode turb.raw turb.vug --shape 512,512,512 --dtype f32 --psnr 50
-  vug encode head.nrrd head.vug --no-zstd             to be mapped, or handed to the GPU as it is")]
+  vug encode colour.nrrd colour.vug --keep 3%         zerobit: the largest 3 % of the wavelet coefficients
+  vug encode colour.nrrd colour.vug --codec zerobit --psnr 35
+  vug encode head.nrrd head.vug --no-zstd             to be mapped, or handed to the GPU as it is"
+)]
 pub(super) struct Encode {
     /// Volume to read: .nrrd .nhdr .nii .nii.gz .hdr .npy .raw
     pub(super) source: PathBuf,
@@ -156,6 +162,12 @@ pub(super) struct Encode {
     /// End points of a block
     #[arg(long, value_enum, default_value = "minmax")]
     pub(super) endpoints: EndpointsArg,
+    #[command(flatten)]
+    pub(super) zerobit: ZerobitArgs,
+    /// Store only the cells of 4×4×4 voxels where this volume (any readable file of the same shape) is not 0; the rest
+    /// becomes the null value
+    #[arg(long, value_name = "MASK")]
+    pub(super) select: Option<PathBuf>,
     /// Brick edge in voxels: 16, 32, 64, 128, 256 [default: 64, or as large as the block]
     #[arg(long, value_name = "N")]
     pub(super) brick: Option<u32>,
@@ -184,6 +196,61 @@ pub(super) struct Encode {
     pub(super) import: Import,
     #[command(flatten)]
     pub(super) common: Common,
+}
+
+/// What only zerobit has; any of these without --codec means zerobit.
+#[derive(Args, Clone)]
+pub(super) struct ZerobitArgs {
+    /// Zerobit: wavelet coefficients to keep, in % of the number of voxels (or as a ratio from 0 to 1) [default: 3%]
+    #[arg(long, value_name = "P%", conflicts_with_all = ["max_error", "psnr", "rate"], value_parser = parse_keep)]
+    pub(super) keep: Option<u32>,
+    /// Zerobit: thresholds by 16³ voxels, or one for the whole level [default: adaptive]
+    #[arg(long, value_enum)]
+    pub(super) threshold: Option<ThresholdArg>,
+    /// Zerobit: what makes a coefficient large [default: energy]
+    #[arg(long, value_enum)]
+    pub(super) norm: Option<NormArg>,
+    /// Zerobit: how codebooks are trained [default: median-cut]
+    #[arg(long, value_enum)]
+    pub(super) training: Option<TrainingArg>,
+    /// Zerobit: cubes of N bricks per axis share a codebook [default: all bricks of a level]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub(super) codebook_region: Option<u32>,
+    /// Zerobit: layout of the stream; old is the scheme that the paper compares with [default: new]
+    #[arg(long, value_enum)]
+    pub(super) stream: Option<StreamArg>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(super) enum ThresholdArg {
+    /// Each unit block of 16³ voxels gets its share
+    Adaptive,
+    /// One threshold for the whole level
+    Global,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(super) enum NormArg {
+    /// The squared error that it causes
+    Energy,
+    /// Its plain square, as the paper prints it
+    Plain,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(super) enum TrainingArg {
+    /// Median cut, as in the paper
+    MedianCut,
+    /// Median cut, then k-means: slower, a little better
+    Refined,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(super) enum StreamArg {
+    /// Zerobits and significance maps
+    New,
+    /// 64 flags per cell
+    Old,
 }
 
 /// Turns a .vug file back into a volume (NRRD, NIfTI, npy, raw, by the target's name)
@@ -329,6 +396,15 @@ fn parse_extent(s: &str) -> Result<Extent> {
 
 fn parse_bits(s: &str) -> Result<u8, String> {
     s.parse().ok().filter(|n| [1, 2, 4, 8].contains(n)).ok_or_else(|| "wants 1, 2, 4 or 8".into())
+}
+
+/// A ratio in millionths.
+fn parse_keep(s: &str) -> Result<u32, String> {
+    let (number, unit) = s.strip_suffix('%').map_or((s, 1e6), |percent| (percent, 1e4));
+    match number.trim().parse::<f64>() {
+        Ok(v) if v >= 0.0 && v * unit <= 1e6 => Ok((v * unit).round() as u32),
+        _ => Err("wants a ratio from 0% to 100%, or from 0 to 1".into()),
+    }
 }
 
 fn parse_block(s: &str) -> Result<Extent, String> {

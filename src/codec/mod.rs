@@ -177,7 +177,7 @@ impl Codec {
         let done = match self {
             Codec::Raw => raw::encode(src, out),
             Codec::S3dc(p) => s3dc::encode(p, src, out),
-            Codec::Zerobit(_) => Err(Error::param("codec", "zerobit")),
+            Codec::Zerobit(z) => z.encode(src, out),
         };
         if done.is_err() {
             out.truncate(start);

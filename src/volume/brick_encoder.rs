@@ -30,6 +30,13 @@ pub struct EncodedBrick {
     pub(super) stats: BrickStats,
 }
 
+impl EncodedBrick {
+    /// What was measured.
+    pub(super) fn stats(&self) -> &BrickStats {
+        &self.stats
+    }
+}
+
 /// What was measured on one brick or on many.
 #[derive(Clone, Debug, Default)]
 pub(super) struct BrickStats {
@@ -121,7 +128,7 @@ impl BrickEncoder {
     }
 
     /// The value of a brick all of whose voxels decode to the same.
-    fn constant(&self, src: View<'_>) -> Option<SampleValue> {
+    pub(super) fn constant(&self, src: View<'_>) -> Option<SampleValue> {
         // Lossless means every bit; S3Dc stores −0.0 as +0.0 (spec: S3D-13), so that both zeros are one value there.
         let by_value = !matches!(self.codec, Codec::Raw);
         with_sample!(src.sample_type, T => {

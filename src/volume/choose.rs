@@ -1,6 +1,7 @@
 //! Error control: tries every setting on every brick and takes the smallest that holds the bound, or the best within a rate.
 
 use super::brick_encoder::{BrickEncoder, BrickStats};
+use super::choose_keep::{Found, choose_keep, trial};
 use super::options::{Bound, CodecChoice, EncodeOptions, Quality};
 use super::slabs::for_each_brick;
 use crate::codec::{Codec, s3dc};
@@ -40,17 +41,40 @@ pub(super) fn choose(
         return match options.quality {
             Quality::Explicit { .. } | Quality::MaxError(_) | Quality::Psnr(_) => raw(Vec::new()),
             Quality::Rate(rate) => {
-                Err(Error::param("rate", format!("raw takes what it takes, not {rate} bits; use s3dc")))
+                Err(Error::param("rate", format!("raw takes what it takes, not {rate} bits; use s3dc or zerobit")))
             }
+            Quality::Keep(_) => Err(Error::param("keep", "raw keeps everything; use --codec zerobit")),
+        };
+    }
+    let auto = options.codec == CodecChoice::Auto;
+    if t == SampleType::Rgb8 && auto && matches!(options.quality, Quality::Explicit { .. }) {
+        return raw(vec!["rgb8 is stored as raw unless zerobit, a bound or a rate is asked for".into()]);
+    }
+    if options.codec == CodecChoice::Zerobit || (t == SampleType::Rgb8 && auto) {
+        return match choose_keep(reader, options, null, progress)? {
+            Found::Choice(choice) if auto => lighter(reader, options, *choice, null, progress),
+            Found::Choice(choice) => Ok(*choice),
+            Found::Missed(best) if auto => raw(vec![format!(
+                "zerobit cannot reach {}{best}: stored without loss as raw",
+                describe(options.quality)
+            )]),
+            Found::Missed(best) => Err(Error::param(
+                name(options.quality),
+                format!(
+                    "zerobit cannot reach {}{best}; use a weaker bound, or --codec raw or auto",
+                    describe(options.quality)
+                ),
+            )),
         };
     }
     if t == SampleType::Rgb8 {
-        if options.codec == CodecChoice::Auto {
-            return raw(vec!["rgb8 is stored as raw: s3dc is for scalars".into()]);
-        }
-        return Err(Error::param("codec", "s3dc stores scalars, this volume is rgb8; use --codec raw or auto"));
+        return Err(Error::param(
+            "codec",
+            "s3dc stores scalars, this volume is rgb8; use --codec zerobit, raw or auto",
+        ));
     }
     let choice = match options.quality {
+        Quality::Keep(_) => return Err(Error::param("keep", "only zerobit keeps a ratio; use --codec zerobit")),
         Quality::Explicit { index_bits, block } => {
             let params = s3dc::Params::new(index_bits, block, options.endpoints)?;
             Choice { codec: Codec::S3dc(params), brick_log2: options.brick_log2(block)?, notes: Vec::new() }
@@ -68,16 +92,28 @@ pub(super) fn choose(
             }
         },
     };
-    if options.codec == CodecChoice::Auto {
-        let weighed = weigh(reader, options, &choice, null, progress)?;
-        if weighed.lossless <= weighed.stored {
-            return raw(vec![format!(
-                "raw is no larger ({} bytes without loss, {} with s3dc): stored as raw",
-                weighed.lossless, weighed.stored
-            )]);
-        }
+    if auto { lighter(reader, options, choice, null, progress) } else { Ok(choice) }
+}
+
+/// The choice, or `raw` where that is no larger.
+fn lighter(
+    reader: &mut dyn SlabReader,
+    options: &EncodeOptions,
+    choice: Choice,
+    null: SampleValue,
+    progress: &mut dyn FnMut(u64),
+) -> Result<Choice> {
+    let weighed = weigh(reader, options, &choice, null, progress)?;
+    if weighed.lossless > weighed.stored {
+        return Ok(choice);
     }
-    Ok(choice)
+    let note = format!(
+        "raw is no larger ({} bytes without loss, {} with {}): stored as raw",
+        weighed.lossless,
+        weighed.stored,
+        choice.codec.name()
+    );
+    Ok(Choice { codec: Codec::Raw, brick_log2: options.brick_log2(Extent::cube(1))?, notes: vec![note] })
 }
 
 /// Stored bytes of a choice and of its lossless rival.
@@ -95,6 +131,9 @@ fn weigh(
         null,
         weigh_lossless: true,
     };
+    if let Codec::Zerobit(codec) = &choice.codec {
+        return trial(reader, options, codec, &encoder, choice.brick_log2, 0..1, progress);
+    }
     let mut total = BrickStats::default();
     let work = |_, view: crate::grid::View<'_>| Ok((encoder.encode(view)?.stats, view.extent.voxels()));
     for_each_brick(reader, 0, choice.brick_log2, null, work, |_, (stats, voxels)| {
@@ -170,7 +209,7 @@ fn search(
     Ok(best.map(|(i, _)| Choice { codec: encoders[i].codec.clone(), brick_log2, notes: Vec::new() }))
 }
 
-fn holds(stats: &BrickStats, quality: Quality) -> bool {
+pub(super) fn holds(stats: &BrickStats, quality: Quality) -> bool {
     let range = stats.source.map_or(0.0, |(lo, hi)| hi - lo);
     match quality {
         Quality::MaxError(Bound::Absolute(bound)) => stats.error.max_abs <= bound,
@@ -178,15 +217,15 @@ fn holds(stats: &BrickStats, quality: Quality) -> bool {
         Quality::Psnr(db) => {
             stats.error.max_abs == 0.0 || psnr(range, stats.error.rmse()).is_some_and(|found| found >= db)
         }
-        Quality::Rate(_) | Quality::Explicit { .. } => unreachable!("not a bound on the error"),
+        Quality::Rate(_) | Quality::Explicit { .. } | Quality::Keep(_) => unreachable!("not a bound on the error"),
     }
 }
 
-fn check(quality: Quality) -> Result<()> {
+pub(super) fn check(quality: Quality) -> Result<()> {
     let (value, least) = match quality {
         Quality::MaxError(Bound::Absolute(v) | Bound::Percent(v)) | Quality::Psnr(v) => (v, 0.0),
         Quality::Rate(v) => (v, f64::MIN_POSITIVE),
-        Quality::Explicit { .. } => return Ok(()),
+        Quality::Explicit { .. } | Quality::Keep(_) => return Ok(()),
     };
     if value.is_finite() && value >= least {
         return Ok(());
@@ -200,6 +239,7 @@ fn name(quality: Quality) -> &'static str {
         Quality::Psnr(_) => "psnr",
         Quality::Rate(_) => "rate",
         Quality::Explicit { .. } => "index-bits",
+        Quality::Keep(_) => "keep",
     }
 }
 
@@ -210,5 +250,6 @@ fn describe(quality: Quality) -> String {
         Quality::Psnr(v) => format!("{v} dB"),
         Quality::Rate(v) => format!("{v} bits per voxel"),
         Quality::Explicit { index_bits, block } => format!("{index_bits} bits, blocks of {block}"),
+        Quality::Keep(ppm) => format!("{} % of the coefficients", f64::from(ppm) / 1e4),
     }
 }

@@ -3,10 +3,14 @@
 use super::At;
 use super::choose::choose;
 use super::options::{CodecChoice, EncodeOptions, Quality};
+use super::selection::Selected;
 use super::slabs::for_each_brick;
 use super::writer::{EncodeReport, Shape, VolumeWriter, null_sample};
+use super::zerobit::Encoding;
+use crate::codec::Codec;
 use crate::error::{Error, Result};
 use crate::grid::{SlabReader, View};
+use crate::voxel::SampleType;
 use std::io::{Seek, Write};
 
 /// How far an encoder is: voxels done of voxels in all, counted over all passes.
@@ -15,7 +19,8 @@ pub type Progress<'a> = dyn FnMut(u64, u64) + 'a;
 /// Encodes a volume into `out`, which is complete, but not synced, when this returns.
 ///
 /// With explicit settings the source is read once, one slab of bricks at a time; a bound or rate reads it twice,
-/// [`CodecChoice::Auto`] once more. Bytes do not depend on the number of threads.
+/// [`CodecChoice::Auto`] once more. Zerobit reads it three times (two or three more for a global threshold), and two
+/// times more for each ratio that a search tries. Bytes do not depend on the number of threads.
 ///
 /// ```
 /// use vug::{Extent, Grid, volume::{self, EncodeOptions, At, Volume}, source::MemorySource};
@@ -40,18 +45,41 @@ pub fn encode<W: Write + Seek>(
     let (extent, t) = (reader.extent(), reader.sample_type());
     extent.check()?;
     let null = null_sample(t, options.null_value)?;
-    let looks = u64::from(!matches!(options.quality, Quality::Explicit { .. }) && options.codec != CodecChoice::Raw)
-        + u64::from(options.codec == CodecChoice::Auto);
-    let total = extent.voxels() * (looks + 1);
+    let mut selected;
+    let reader: &mut dyn SlabReader = match &options.selection {
+        Some(selection) => {
+            selected = Selected::new(reader, selection, null)?;
+            &mut selected
+        }
+        None => reader,
+    };
+    let total = extent.voxels() * (looks(options, t) + 1);
     let mut done = 0;
     let mut advance = |voxels| {
-        done += voxels;
+        // The number of looks of a search is an estimate.
+        done = total.min(done + voxels);
         progress(done, total);
     };
     let choice = choose(reader, options, null, &mut advance)?;
-    let mut writer = VolumeWriter::create(out, Shape::single(extent, t), choice.codec, choice.brick_log2, options)?;
+    let mut writer =
+        VolumeWriter::create(out, Shape::single(extent, t), choice.codec.clone(), choice.brick_log2, options)?;
+    let mut books = Vec::new();
     for lod in 0..options.lod_count(extent, choice.brick_log2)? {
         let encoder = writer.encoder();
+        if let Codec::Zerobit(codec) = &choice.codec {
+            let (region, selection) = (options.zerobit.codebook_region, options.selection.as_ref());
+            let encoding = Encoding { codec, encoder: &encoder, brick_log2: choice.brick_log2, region, selection };
+            let mut advance = |voxels| {
+                if lod == 0 {
+                    advance(voxels)
+                }
+            };
+            let survey = encoding.survey(reader, lod, &mut advance)?;
+            let cut = encoding.cut(reader, lod, &survey)?;
+            let mut put = |brick, encoded| writer.put(At::lod(lod), brick, encoded);
+            encoding.level(reader, lod, cut, &mut books, &mut advance, &mut put)?;
+            continue;
+        }
         let work = |_, view: View<'_>| Ok((encoder.encode(view)?, view.extent.voxels()));
         for_each_brick(reader, lod, choice.brick_log2, null, work, |brick, (encoded, voxels)| {
             if lod == 0 {
@@ -61,6 +89,7 @@ pub fn encode<W: Write + Seek>(
         })?;
     }
     progress(total, total);
+    writer.set_books(books);
     let (mut out, mut report) = writer.finish()?;
     out.flush().map_err(|e| Error::io("cannot write", e))?;
     report.notes = choice.notes;
@@ -71,4 +100,16 @@ pub fn encode<W: Write + Seek>(
         ));
     }
     Ok(report)
+}
+
+/// Looks at the source before the last one, for progress bars.
+fn looks(options: &EncodeOptions, t: SampleType) -> u64 {
+    let auto = options.codec == CodecChoice::Auto;
+    let searches = !matches!(options.quality, Quality::Explicit { .. } | Quality::Keep(_));
+    let zerobit = options.codec == CodecChoice::Zerobit || (auto && searches && t == SampleType::Rgb8);
+    let search = match searches && options.codec != CodecChoice::Raw {
+        true if zerobit => super::choose_keep::MOST_LOOKS,
+        search => u64::from(search),
+    };
+    search + u64::from(auto) + if zerobit { 2 } else { 0 }
 }

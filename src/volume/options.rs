@@ -1,7 +1,9 @@
 //! What an encoder may choose: codec, quality, bricks, and what to do with values that a block cannot hold.
 
+use super::selection::Selection;
 use crate::affine::{Placement, ValueMap};
 use crate::codec::s3dc::Endpoints;
+use crate::codec::zerobit;
 use crate::error::{Error, Result};
 use crate::geometry::Extent;
 use crate::limits;
@@ -11,9 +13,11 @@ use crate::limits;
 pub enum CodecChoice {
     /// S3Dc: block minimum and maximum and an index per voxel. Where a bound cannot be met, it is an error.
     S3dc,
+    /// Haar wavelets on cells of 4³ voxels, vector-quantised: for colour and for sparse volumes of integers.
+    Zerobit,
     /// Lossless samples.
     Raw,
-    /// S3Dc, but `raw` where that is no larger, or where S3Dc cannot meet the bound.
+    /// S3Dc, for rgb8 zerobit under a bound or rate; but `raw` where that is no larger, or where no bound is met or given.
     #[default]
     Auto,
 }
@@ -28,6 +32,8 @@ pub enum Quality {
         /// Block extent in voxels.
         block: Extent,
     },
+    /// Zerobit: this ratio of coefficients is kept, in millionths of the number of voxels.
+    Keep(u32),
     /// The smallest payload, among 1, 2, 4, 8 bits and blocks of 2³ to 32³, of which no voxel is further from the source than this, after rounding.
     MaxError(Bound),
     /// The smallest payload whose PSNR (peak: range of the source) reaches this, in dB.
@@ -59,6 +65,34 @@ impl std::str::FromStr for Bound {
     }
 }
 
+/// What the zerobit encoder may choose. Decoders need not know.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub struct ZerobitOptions {
+    /// Layout of the unit blocks: zerobits, or the flags of the scheme before.
+    pub stream: zerobit::Stream,
+    /// Thresholds by unit block or for the whole level.
+    pub threshold: zerobit::Threshold,
+    /// What makes a coefficient large.
+    pub norm: zerobit::Norm,
+    /// How codebooks are trained.
+    pub training: zerobit::Training,
+    /// Bricks per axis that share a codebook; `None`: all of a level.
+    pub codebook_region: Option<u32>,
+}
+
+impl ZerobitOptions {
+    /// The codec's parameters for a ratio to keep.
+    ///
+    /// # Errors
+    /// `E_PARAM` above 1,000,000 millionths.
+    pub(super) fn params(&self, keep_ppm: u32, selection: Option<&Selection>) -> Result<zerobit::Params> {
+        let mut params = zerobit::Params::new(keep_ppm)?;
+        (params.threshold, params.norm, params.training) = (self.threshold, self.norm, self.training);
+        params.selected = selection.map_or(0, |s| s.voxels(0));
+        Ok(params)
+    }
+}
+
 /// What to do with NaN and infinities, which no bound or block can hold.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum NonFinite {
@@ -78,6 +112,10 @@ pub struct EncodeOptions {
     pub quality: Quality,
     /// How the two end points of a block are chosen.
     pub endpoints: Endpoints,
+    /// What zerobit may choose besides quality.
+    pub zerobit: ZerobitOptions,
+    /// Cells that are stored; voxels of all others become the null value. `None`: all.
+    pub selection: Option<Selection>,
     /// Edge of a brick in voxels: 16, 32, 64, 128 or 256. `None`: 64, or more where the block is larger.
     pub brick: Option<u32>,
     /// Whether payloads are compressed with zstd where that makes them smaller.
@@ -104,6 +142,8 @@ impl Default for EncodeOptions {
             codec: CodecChoice::S3dc,
             quality: Quality::Explicit { index_bits: 4, block: Extent::cube(4) },
             endpoints: Endpoints::MinMax,
+            zerobit: ZerobitOptions::default(),
+            selection: None,
             brick: None,
             zstd: true,
             levels: 1,

@@ -8,6 +8,7 @@ use crate::geometry::{Coord, Extent, Region};
 use crate::grid::{AlignedBytes, SlabReader, View, dense_len};
 use crate::voxel::SampleValue;
 use rayon::prelude::*;
+use std::ops::Range;
 
 /// Bricks that are worked on at a time, per thread: bounds the payloads that wait to be written.
 const PER_THREAD: usize = 4;
@@ -27,6 +28,19 @@ pub(super) fn for_each_brick<R: Send>(
     brick_log2: u8,
     null: SampleValue,
     work: impl Fn(Coord, View<'_>) -> Result<R> + Sync,
+    take: impl FnMut(Coord, R) -> Result<()>,
+) -> Result<()> {
+    for_each_brick_in(reader, lod, brick_log2, null, None, work, take)
+}
+
+/// As [`for_each_brick`], for these layers of bricks along z only; `None`: all.
+pub(super) fn for_each_brick_in<R: Send>(
+    reader: &mut dyn SlabReader,
+    lod: u8,
+    brick_log2: u8,
+    null: SampleValue,
+    layers: Option<Range<u32>>,
+    work: impl Fn(Coord, View<'_>) -> Result<R> + Sync,
     mut take: impl FnMut(Coord, R) -> Result<()>,
 ) -> Result<()> {
     let t = reader.sample_type();
@@ -40,7 +54,7 @@ pub(super) fn for_each_brick<R: Send>(
     };
     let brick_bytes = dense_len(Extent::cube(edge).min(extent), t)?;
     let per_thread = (BYTES_PER_THREAD / brick_bytes).clamp(1, PER_THREAD);
-    for bz in 0..bricks.z {
+    for bz in layers.unwrap_or(0..bricks.z) {
         let z = bz * edge..((bz + 1) * edge).min(extent.z);
         let slab_extent = Extent { z: z.end - z.start, ..extent };
         let slab = match &mut buffer {

@@ -3,7 +3,9 @@
 use super::At;
 use super::brick_encoder::{BrickEncoder, BrickStats, EncodedBrick, non_finite_error};
 use super::options::EncodeOptions;
+use super::zerobit;
 use crate::codec::Codec;
+use crate::codec::zerobit::Book;
 use crate::container::{
     Achieved, CodecEntry, FileWriter, FinishOptions, NodeKind, Octree, VolumeDescriptor, check_meta,
 };
@@ -45,6 +47,7 @@ pub struct VolumeWriter<W: Write + Seek> {
     meta: Option<String>,
     file_id: Option<[u8; 16]>,
     totals: Totals,
+    books: Vec<Book>,
 }
 
 #[derive(Default)]
@@ -58,10 +61,14 @@ struct Totals {
 /// What was written, and how well. Errors are those of level 0 against the source, in units of the stored samples.
 #[derive(Clone, Debug, PartialEq)]
 pub struct EncodeReport {
-    /// `s3dc` or `raw`.
+    /// `s3dc`, `zerobit` or `raw`.
     pub codec: &'static str,
     /// S3Dc parameters, where it is S3Dc.
     pub s3dc: Option<crate::codec::s3dc::Params>,
+    /// Zerobit parameters, where it is zerobit.
+    pub zerobit: Option<crate::codec::zerobit::Params>,
+    /// Codebooks in the file.
+    pub codebooks: u64,
     /// Largest error of a voxel.
     pub max_error: f64,
     /// Mean absolute error.
@@ -74,7 +81,7 @@ pub struct EncodeReport {
     pub source_range: (f64, f64),
     /// Original bytes / bytes by the paper's formula, with ceilings (S3Dc §3.3); `None` where the codec has none.
     pub ratio_formula: Option<f64>,
-    /// Original bytes / payload bytes before zstd, all levels.
+    /// Original bytes / payload bytes before zstd and codebooks, all levels.
     pub ratio_payload: f64,
     /// Original bytes / file bytes.
     pub ratio_file: f64,
@@ -143,10 +150,13 @@ impl<W: Write + Seek> VolumeWriter<W> {
             meta: options.meta.clone(),
             file_id: options.file_id,
             totals: Totals::default(),
+            books: Vec::new(),
         })
     }
 
     /// Encodes and writes brick `brick` (position in bricks): its samples, cropped to the volume.
+    ///
+    /// With zerobit every brick has thresholds and a codebook of its own; [`encode`](super::encode) shares them.
     ///
     /// # Errors
     /// `E_RANGE`, `E_PARAM` where brick or samples do not fit the volume, `E_NONFINITE`, `E_SOURCE`.
@@ -158,8 +168,25 @@ impl<W: Write + Seek> VolumeWriter<W> {
             let message = format!("{e} {t} given for brick {brick:?} of {wanted} {own} (x, y, z)");
             return Err(Error::param("samples", message));
         }
-        let encoded = self.encoder().encode(samples).map_err(|e| self.locate(e, samples, at, brick))?;
-        self.put(at, brick, encoded)
+        let mut encoder = self.encoder();
+        let mut book = None;
+        if let Codec::Zerobit(codec) = &encoder.codec
+            && encoder.constant(samples).is_none()
+        {
+            let number = self.books.len() as u64;
+            limits::check("codebooks", number + 1, limits::MAX_CODEBOOKS)?;
+            let (codec, own) = zerobit::for_one_brick(codec, samples, self.books.len() as u32)?;
+            (encoder.codec, book) = (Codec::Zerobit(codec), Some(own));
+        }
+        let encoded = encoder.encode(samples).map_err(|e| self.locate(e, samples, at, brick))?;
+        self.put(at, brick, encoded)?;
+        self.books.extend(book);
+        Ok(())
+    }
+
+    /// Sets the codebooks that encoded bricks refer to.
+    pub(super) fn set_books(&mut self, books: Vec<Book>) {
+        self.books = books;
     }
 
     pub(super) fn encoder(&self) -> BrickEncoder {
@@ -215,14 +242,19 @@ impl<W: Write + Seek> VolumeWriter<W> {
     /// # Errors
     /// `E_SOURCE`; `E_LIMIT` where the metadata is too large.
     pub fn finish(mut self) -> Result<(W, EncodeReport)> {
-        let Totals { finest, payload, replaced, kinds } = self.totals;
+        let Totals { finest, mut payload, replaced, kinds } = self.totals;
         let d = &mut self.descriptor;
         d.source_range = finest.source.unwrap_or_default();
         d.payload_bytes = payload;
         d.replaced = replaced;
         let error = &finest.error;
         d.achieved = Some(Achieved { max_error: error.max_abs, rmse: error.rmse(), mean_error: error.mean_abs() });
+        let mut section = Vec::new();
+        self.books.iter().for_each(|book| book.write_to(d.sample_type, &mut section));
+        let codebooks = self.books.len() as u64;
+        payload += section.len() as u64;
         let finish = FinishOptions {
+            codebooks: (codebooks > 0).then_some((section, codebooks)),
             meta: self.meta.map(String::into_bytes),
             file_id: self.file_id,
             ..FinishOptions::default()
@@ -230,17 +262,19 @@ impl<W: Write + Seek> VolumeWriter<W> {
         let (out, summary) = self.file.finish(d, finish)?;
         let voxels = d.dims.voxels() as f64 * f64::from(d.time_steps) * f64::from(d.channels);
         let original = voxels * d.sample_type.bytes() as f64;
-        let (ratio_formula, s3dc) = match &self.encoder.codec {
-            Codec::Raw => (Some(1.0), None),
+        let (ratio_formula, s3dc, zerobit) = match &self.encoder.codec {
+            Codec::Raw => (Some(1.0), None, None),
             Codec::S3dc(params) => {
                 let bits = 8 * d.sample_type.bytes() as u32;
-                (Some(crate::codec::s3dc::formula_ratio(d.dims, bits, params)), Some(*params))
+                (Some(crate::codec::s3dc::formula_ratio(d.dims, bits, params)), Some(*params), None)
             }
-            Codec::Zerobit(_) => (None, None),
+            Codec::Zerobit(codec) => (None, None, Some(*codec.params())),
         };
         let report = EncodeReport {
             codec: self.encoder.codec.name(),
             s3dc,
+            zerobit,
+            codebooks,
             max_error: error.max_abs,
             mean_error: error.mean_abs(),
             rmse: error.rmse(),

@@ -1,24 +1,33 @@
 //! `vug encode`: a foreign volume becomes a `.vug` file.
 
-use crate::cli::args::{CodecArg, Encode, EndpointsArg, NanArg};
-use crate::cli::load::{check_import, import_options};
+use crate::cli::args::{
+    CodecArg, Encode, EndpointsArg, NanArg, NormArg, StreamArg, ThresholdArg, TrainingArg, ZerobitArgs,
+};
+use crate::cli::load::{check_import, import_options, load};
 use crate::cli::output::{Verdict, bytes_text, number, progress, psnr_text};
 use crate::codec::s3dc::Endpoints;
+use crate::codec::zerobit;
 use crate::convert::{self, Format};
 use crate::error::{Error, Result};
 use crate::geometry::Extent;
 use crate::source::AtomicFile;
-use crate::volume::{self, CodecChoice, EncodeOptions, EncodeReport, NonFinite, Quality};
+use crate::volume::{self, CodecChoice, EncodeOptions, EncodeReport, NonFinite, Quality, Selection, ZerobitOptions};
 use crate::voxel::SampleType;
 use serde_json::{Value, json};
 use std::path::Path;
+
+/// What zerobit keeps where nothing else is said, in millionths.
+const DEFAULT_KEEP: u32 = 30_000;
 
 pub(super) fn run(args: &Encode) -> Result<Verdict> {
     check(args)?;
     let mut source = convert::import(&args.source, &import_options(&args.source, &args.import)?)?;
     let mut options = options(args);
-    if args.codec.is_none() && source.reader.sample_type() == SampleType::Rgb8 {
+    if args.codec.is_none() && !is_zerobit(args) && source.reader.sample_type() == SampleType::Rgb8 {
         options.codec = CodecChoice::Auto; // s3dc is for scalars
+    }
+    if let Some(mask) = &args.select {
+        options.selection = Some(Selection::from_mask(&mut load(mask, &args.import)?.grid)?);
     }
     options.placement = source.placement.clone();
     options.value_map = source.value_map;
@@ -63,11 +72,59 @@ fn check(args: &Encode) -> Result<()> {
     if args.codec == Some(CodecArg::Raw) && s3dc_only {
         return Err(Error::param("codec", "raw has no index bits, blocks or end points; leave them out, or use s3dc"));
     }
+    if is_zerobit(args) && s3dc_only {
+        return Err(Error::param(
+            "codec",
+            "zerobit has no index bits, blocks or end points; leave them out, or use s3dc",
+        ));
+    }
+    if has_zerobit_options(&args.zerobit) && !is_zerobit(args) {
+        let message = "--keep, --threshold, --norm, --training, --codebook-region and --stream are for --codec zerobit";
+        return Err(Error::param("codec", message));
+    }
     check_import(&[&args.source], &args.import)
+}
+
+fn has_zerobit_options(z: &ZerobitArgs) -> bool {
+    let ZerobitArgs { keep, threshold, norm, training, codebook_region, stream } = z;
+    keep.is_some()
+        || threshold.is_some()
+        || norm.is_some()
+        || training.is_some()
+        || codebook_region.is_some()
+        || stream.is_some()
+}
+
+/// Whether zerobit was asked for, by name or by what only it has.
+fn is_zerobit(args: &Encode) -> bool {
+    args.codec == Some(CodecArg::Zerobit) || args.codec.is_none() && has_zerobit_options(&args.zerobit)
+}
+
+fn zerobit_options(z: &ZerobitArgs) -> ZerobitOptions {
+    ZerobitOptions {
+        stream: match z.stream {
+            None | Some(StreamArg::New) => zerobit::Stream::New,
+            Some(StreamArg::Old) => zerobit::Stream::Old,
+        },
+        threshold: match z.threshold {
+            None | Some(ThresholdArg::Adaptive) => zerobit::Threshold::Adaptive,
+            Some(ThresholdArg::Global) => zerobit::Threshold::Global,
+        },
+        norm: match z.norm {
+            None | Some(NormArg::Energy) => zerobit::Norm::Energy,
+            Some(NormArg::Plain) => zerobit::Norm::Plain,
+        },
+        training: match z.training {
+            None | Some(TrainingArg::MedianCut) => zerobit::Training::MedianCut,
+            Some(TrainingArg::Refined) => zerobit::Training::Refined,
+        },
+        codebook_region: z.codebook_region,
+    }
 }
 
 fn options(args: &Encode) -> EncodeOptions {
     let bound = args.max_error.map(Quality::MaxError).or(args.psnr.map(Quality::Psnr)).or(args.rate.map(Quality::Rate));
+    let keep = Quality::Keep(args.zerobit.keep.unwrap_or(DEFAULT_KEEP));
     let explicit =
         Quality::Explicit { index_bits: args.index_bits.unwrap_or(4), block: args.block.unwrap_or(Extent::cube(4)) };
     EncodeOptions {
@@ -75,10 +132,12 @@ fn options(args: &Encode) -> EncodeOptions {
             Some(CodecArg::S3dc) => CodecChoice::S3dc,
             Some(CodecArg::Raw) => CodecChoice::Raw,
             Some(CodecArg::Auto) => CodecChoice::Auto,
+            _ if is_zerobit(args) => CodecChoice::Zerobit,
             None if matches!(bound, Some(Quality::MaxError(_) | Quality::Psnr(_))) => CodecChoice::Auto,
-            None => CodecChoice::S3dc,
+            _ => CodecChoice::S3dc,
         },
-        quality: bound.unwrap_or(explicit),
+        quality: bound.unwrap_or(if is_zerobit(args) { keep } else { explicit }),
+        zerobit: zerobit_options(&args.zerobit),
         endpoints: match args.endpoints {
             EndpointsArg::Minmax => Endpoints::MinMax,
             EndpointsArg::Fitted => Endpoints::Fitted,
@@ -111,6 +170,8 @@ pub(super) fn report_json(r: &EncodeReport) -> Value {
         "codec": r.codec,
         "index_bits": r.s3dc.map(|p| p.i_bits()),
         "block": r.s3dc.map(|p| p.block().to_array()),
+        "keep": r.zerobit.map(|p| f64::from(p.keep_ppm()) / 1e6),
+        "codebooks": r.codebooks,
         "max_error": r.max_error,
         "mean_error": r.mean_error,
         "rmse": r.rmse,
@@ -126,9 +187,17 @@ pub(super) fn report_json(r: &EncodeReport) -> Value {
 }
 
 fn report_text(r: &EncodeReport) -> String {
-    let codec = match r.s3dc {
-        Some(p) => format!("s3dc, {} bits, blocks of {}, {}", p.i_bits(), p.block(), p.endpoints().name()),
-        None => "raw (lossless)".into(),
+    let codec = match (r.s3dc, r.zerobit) {
+        (_, Some(p)) => format!(
+            "zerobit, {:.4} % kept, {} thresholds, {} norm, {} codebook(s), {}",
+            f64::from(p.keep_ppm()) / 1e4,
+            p.threshold.name(),
+            p.norm.name(),
+            r.codebooks,
+            p.training.name()
+        ),
+        (Some(p), _) => format!("s3dc, {} bits, blocks of {}, {}", p.i_bits(), p.block(), p.endpoints().name()),
+        (None, None) => "raw (lossless)".into(),
     };
     let ratio = |v: f64| if v.is_finite() { format!("{v:.3}") } else { "-".into() };
     format!(

@@ -10,9 +10,9 @@ use crate::error::{Code, Error, Result};
 // spec: ZBT-33
 ///
 /// # Errors
-/// `E_REF`, `E_SIZE`, `E_RESERVED`, `E_CANON`, `E_OFFSET`, `E_NNNC`, `E_CODEBOOK_INDEX`, `E_PADDING`.
-pub(super) fn check(stream: Stream, layout: &Layout, payload: &[u8], books: &[Book]) -> Result<()> {
-    let book = check_prefix(layout, payload, books)?;
+/// `E_SIZE`, `E_RESERVED`, `E_CANON`, `E_OFFSET`, `E_NNNC`, `E_CODEBOOK_INDEX`, `E_PADDING`.
+pub(super) fn check(stream: Stream, layout: &Layout, payload: &[u8], book: &Book) -> Result<()> {
+    check_prefix(layout, payload)?;
     let count = layout.units.voxels() as usize;
     let mut next = PREFIX_BYTES + 4 * count;
     for index in 0..count {
@@ -59,8 +59,7 @@ pub(super) fn check(stream: Stream, layout: &Layout, payload: &[u8], books: &[Bo
 }
 
 // spec: ZBT-10
-fn check_prefix<'a>(layout: &Layout, payload: &[u8], books: &'a [Book]) -> Result<&'a Book> {
-    let book = super::book_of(payload, books)?;
+fn check_prefix(layout: &Layout, payload: &[u8]) -> Result<()> {
     let (found, count) = (u32::from_le_bytes(bytes(payload, 4)), layout.units.voxels());
     if u64::from(found) != count {
         let message = format!("{found} unit blocks declared for a brick that has {count}");
@@ -69,7 +68,7 @@ fn check_prefix<'a>(layout: &Layout, payload: &[u8], books: &'a [Book]) -> Resul
     if bytes::<8>(payload, 8) != [0; 8] {
         return Err(Error::at(Code::Reserved, 8, "zerobit.reserved", "a reserved byte of the prefix is not 0"));
     }
-    Ok(book)
+    Ok(())
 }
 
 /// CBFT against NNNC, and no cell where the brick has no voxels.

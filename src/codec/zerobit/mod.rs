@@ -17,18 +17,28 @@ pub mod bits;
 mod book;
 mod check;
 mod decode;
+mod encode;
 mod inverse;
 mod layout;
 mod params;
+mod plan;
 mod reduced;
+mod select;
+mod stats;
 mod tally;
+mod train;
+mod transform;
 
 pub use book::{Book, MAX_WORDS, Word};
 pub use decode::{Coefficients, Context};
 pub use layout::{CELL_EDGE, Cell, Layout, OldCell, UNIT_CELLS, UNIT_EDGE, Unit, unit};
 pub use params::{KEEP_ALL, Norm, Params, Stream, Threshold, Training};
+pub use plan::{Coder, Cut, Plan};
 pub use reduced::{MAX_STEPS, check_steps};
+pub use select::{Digits, RankSearch, Survey};
+pub use stats::{Stats, StreamBytes};
 pub use tally::{Case, Counts, Tally};
+pub use train::{Survivors, Trainer};
 
 use crate::codec::BrickPart;
 use crate::error::{Code, Error, Result};
@@ -49,19 +59,40 @@ pub struct Zerobit {
     params: Params,
     null: SampleValue,
     books: Arc<[Book]>,
+    /// Number of the first of them in the file; an encoder has the books of one region only.
+    first_book: u32,
+    plan: Option<Plan>,
 }
 
 impl Zerobit {
     /// A codec without codebooks: it can be described, but neither encodes nor decodes. `null` is the value of null cells.
     #[must_use]
     pub fn new(stream: Stream, params: Params, null: SampleValue) -> Self {
-        Zerobit { stream, params, null, books: Arc::default() }
+        Zerobit { stream, params, null, books: Arc::default(), first_book: 0, plan: None }
     }
 
     /// The same codec with the codebooks that payloads refer to.
     #[must_use]
     pub fn with_books(&self, books: Arc<[Book]>) -> Self {
         Zerobit { books, ..self.clone() }
+    }
+
+    /// The same codec with some codebooks of the file, the first of which has this number.
+    #[must_use]
+    pub fn with_books_from(&self, first_book: u32, books: Arc<[Book]>) -> Self {
+        Zerobit { books, first_book, ..self.clone() }
+    }
+
+    /// The same codec, able to encode by this plan with its codebooks.
+    #[must_use]
+    pub fn planned(&self, plan: Plan) -> Self {
+        Zerobit { plan: Some(plan), ..self.clone() }
+    }
+
+    /// How bricks are encoded, where that has been decided.
+    #[must_use]
+    pub const fn plan(&self) -> Option<&Plan> {
+        self.plan.as_ref()
     }
 
     /// Layout of the unit blocks.
@@ -93,12 +124,12 @@ impl Zerobit {
     /// # Errors
     /// `E_REF` where there is no such codebook.
     pub fn book(&self, payload: &[u8]) -> Result<&Book> {
-        book_of(payload, &self.books)
+        book_of(payload, self.first_book, &self.books)
     }
 
     /// Strict validation of a payload whose length is possible; offsets are relative to it.
     pub(super) fn check(&self, payload: &[u8], brick: Extent) -> Result<()> {
-        check::check(self.stream, &Layout::new(brick), payload, &self.books)
+        check::check(self.stream, &Layout::new(brick), payload, self.book(payload)?)
     }
 
     /// One voxel. Length and coordinate have been checked.
@@ -131,10 +162,11 @@ impl Zerobit {
     }
 }
 
-fn book_of<'a>(payload: &[u8], books: &'a [Book]) -> Result<&'a Book> {
+fn book_of<'a>(payload: &[u8], first: u32, books: &'a [Book]) -> Result<&'a Book> {
     // spec: ZBT-10, ZBT-34
     let index = layout::codebook(payload);
-    usize::try_from(index).ok().and_then(|i| books.get(i)).ok_or_else(|| {
+    let found = index.checked_sub(first).and_then(|i| books.get(i as usize));
+    found.ok_or_else(|| {
         let message = format!("codebook {index} of {} is wanted; the file or its writer is damaged", books.len());
         Error::at(Code::Ref, 0, "zerobit.codebook", message)
     })

@@ -1,0 +1,141 @@
+//! Which coefficients are kept: thresholds of unit blocks and of whole levels (spec chapter 14, §12; §2.3 of the paper).
+
+use super::params::KEEP_ALL;
+use super::plan::Cut;
+use super::transform::UnitCoefficients;
+
+/// What one pass over bricks tells about a level before thresholds are set. Sums do not depend on the order.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Survey {
+    /// Coefficients that are not 0.
+    pub nonzero: u64,
+    /// Voxels: what the ratio to keep refers to, unless a selection is smaller.
+    pub voxels: u64,
+}
+
+impl Survey {
+    /// Adds what another part of the level has.
+    pub fn merge(&mut self, other: Survey) {
+        self.nonzero += other.nonzero;
+        self.voxels += other.voxels;
+    }
+
+    /// Coefficients to keep: `keep_ppm` millionths of as many as there are voxels.
+    #[must_use]
+    pub fn budget(&self, keep_ppm: u32) -> u64 {
+        let kept = u128::from(self.voxels) * u128::from(keep_ppm) / u128::from(KEEP_ALL);
+        u64::try_from(kept).expect("no more than there are voxels")
+    }
+}
+
+/// Coefficients of a unit block that are kept, by cell: bit p is position p.
+pub(super) type Kept = [u64; 64];
+
+/// Applies a cut to a unit block. What equals the threshold is kept, so that somewhat more may be kept than asked for.
+pub(super) fn keep<const C: usize>(unit: &UnitCoefficients<C>, cut: Cut, scratch: &mut Vec<u64>) -> Kept {
+    let mut kept = [0; 64];
+    let Some(least) = threshold(unit, cut, scratch) else { return kept };
+    for n in unit.present() {
+        let bits = unit.keys(n).iter().rev().fold(0, |bits, &key| bits << 1 | u64::from(key >= least));
+        kept[n as usize] = bits;
+    }
+    kept
+}
+
+/// The smallest norm that is kept, at least 1; `None` where nothing is.
+fn threshold<const C: usize>(unit: &UnitCoefficients<C>, cut: Cut, scratch: &mut Vec<u64>) -> Option<u64> {
+    let (budget, nonzero) = match cut {
+        Cut::Least(norm) => return Some(norm.max(1)),
+        Cut::Share { budget, nonzero } => (budget, nonzero),
+    };
+    if nonzero == 0 {
+        return None;
+    }
+    let share = u128::from(unit.nonzero) * u128::from(budget) / u128::from(nonzero);
+    let share = usize::try_from(share).unwrap_or(usize::MAX);
+    if share == 0 {
+        return None;
+    }
+    if share as u64 >= unit.nonzero {
+        return Some(1);
+    }
+    scratch.clear();
+    for n in unit.present() {
+        scratch.extend(unit.keys(n).iter().filter(|&&key| key != 0));
+    }
+    let (_, least, _) = scratch.select_nth_unstable_by(share - 1, |a, b| b.cmp(a));
+    Some(*least)
+}
+
+/// Finds the norm of the `rank`-th largest coefficient of a level in a few passes over it, 15 bits each.
+#[derive(Clone, Debug)]
+pub struct RankSearch {
+    /// How many larger or equal ones are wanted among those that start with `prefix`.
+    rank: u64,
+    prefix: u64,
+    shift: u32,
+    done: bool,
+}
+
+const DIGIT_BITS: u32 = 15;
+
+/// Counts of norms by their next digit.
+pub type Digits = Vec<u64>;
+
+impl RankSearch {
+    /// Looks for the norm that `rank` coefficients reach. `wide`: samples have 16 bits, norms thus 45 and not 30.
+    #[must_use]
+    pub fn new(rank: u64, wide: bool) -> Self {
+        let digits = if wide { 3 } else { 2 };
+        RankSearch { rank, prefix: 0, shift: (digits - 1) * DIGIT_BITS, done: rank == 0 }
+    }
+
+    /// Whether another pass is needed.
+    #[must_use]
+    pub const fn is_done(&self) -> bool {
+        self.done
+    }
+
+    /// Zero counts, to be filled by [`super::Zerobit::count_norms`] and added up.
+    #[must_use]
+    pub fn digits(&self) -> Digits {
+        vec![0; 1 << DIGIT_BITS]
+    }
+
+    pub(super) fn count<const C: usize>(&self, unit: &UnitCoefficients<C>, digits: &mut Digits) {
+        for n in unit.present() {
+            for &key in unit.keys(n).iter().filter(|&&k| k != 0 && k >> self.shift >> DIGIT_BITS == self.prefix) {
+                digits[(key >> self.shift & ((1 << DIGIT_BITS) - 1)) as usize] += 1;
+            }
+        }
+    }
+
+    /// Takes the counts of a whole pass.
+    pub fn take(&mut self, digits: &Digits) {
+        let mut rest = self.rank;
+        let found = digits.iter().enumerate().rev().find(|&(_, &count)| {
+            let here = rest <= count;
+            if !here {
+                rest -= count;
+            }
+            here
+        });
+        match found {
+            Some((digit, _)) => {
+                self.prefix = self.prefix << DIGIT_BITS | digit as u64;
+                self.rank = rest;
+                self.done = self.shift == 0;
+                self.shift = self.shift.saturating_sub(DIGIT_BITS);
+            }
+            // Fewer coefficients than wanted: all that are not 0.
+            None => (self.prefix, self.done) = (1, true),
+        }
+    }
+
+    /// The cut that has been found.
+    #[must_use]
+    pub fn cut(&self) -> Cut {
+        // Nothing is kept where nothing is to be.
+        Cut::Least(if self.rank == 0 && self.prefix == 0 { u64::MAX } else { self.prefix })
+    }
+}

@@ -1,0 +1,146 @@
+//! How often each vector occurs, counted in memory that follows the number of distinct ones.
+
+use super::Vector;
+
+/// Fewest vectors that a [`Tally`] holds back before it sorts them in.
+const BUFFER: usize = 1 << 15;
+
+/// A distinct vector and how often it occurs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Entry {
+    /// The vector.
+    pub vector: Vector,
+    /// How often it occurs; at least 1.
+    pub count: u64,
+}
+
+/// A histogram that is being counted; [`Tally::finish`] makes it a [`Histogram`].
+#[derive(Clone, Debug, Default)]
+pub struct Tally {
+    settled: Histogram,
+    waiting: Vec<Entry>,
+}
+
+impl Tally {
+    /// An empty one.
+    #[must_use]
+    pub fn new() -> Tally {
+        Tally::default()
+    }
+
+    /// Counts one vector.
+    #[inline]
+    pub fn add(&mut self, vector: Vector) {
+        self.add_counted(vector, 1);
+    }
+
+    /// Counts a vector `count` times. Counts stop at `u64::MAX`.
+    #[inline]
+    pub fn add_counted(&mut self, vector: Vector, count: u64) {
+        if let Some(last) = self.waiting.last_mut()
+            && last.vector == vector
+        {
+            last.count = last.count.saturating_add(count);
+            return;
+        }
+        if count > 0 {
+            // With as many waiting as there are distinct ones, a vector is moved a constant number of times on average.
+            if self.waiting.len() >= BUFFER.max(self.settled.len()) {
+                self.settle();
+            }
+            self.waiting.push(Entry { vector, count });
+        }
+    }
+
+    /// What was counted.
+    #[must_use]
+    pub fn finish(mut self) -> Histogram {
+        self.settle();
+        self.settled
+    }
+
+    fn settle(&mut self) {
+        // One number per vector compares faster than three.
+        let key = |e: &Entry| e.vector.iter().fold(0, |key, &c| key << 32 | u128::from(c as u32 ^ 1 << 31));
+        self.waiting.sort_unstable_by_key(key);
+        self.waiting.dedup_by(|next, kept| {
+            let same = next.vector == kept.vector;
+            if same {
+                kept.count = kept.count.saturating_add(next.count);
+            }
+            same
+        });
+        self.settled.take_in(&self.waiting);
+        self.waiting.clear();
+    }
+}
+
+/// Distinct vectors with their counts, ascending by vector.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Histogram {
+    entries: Vec<Entry>,
+}
+
+impl Histogram {
+    /// The distinct vectors, ascending by components 0, 1, 2.
+    #[must_use]
+    pub fn entries(&self) -> &[Entry] {
+        &self.entries
+    }
+
+    /// Number of distinct vectors.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.entries.len()
+    }
+
+    /// Whether nothing was counted.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.entries.is_empty()
+    }
+
+    /// Number of vectors counted, at most `u64::MAX`.
+    #[must_use]
+    pub fn total(&self) -> u64 {
+        self.entries.iter().fold(0, |sum, e| sum.saturating_add(e.count))
+    }
+
+    /// Both together. Any order of merges gives the same.
+    #[must_use]
+    pub fn merge(mut self, mut other: Histogram) -> Histogram {
+        if self.len() < other.len() {
+            std::mem::swap(&mut self, &mut other);
+        }
+        self.take_in(&other.entries);
+        self
+    }
+
+    /// Merges entries that are ascending and distinct.
+    fn take_in(&mut self, other: &[Entry]) {
+        if self.entries.is_empty() {
+            self.entries.extend_from_slice(other);
+            return;
+        }
+        let mut merged = Vec::with_capacity(self.len() + other.len());
+        let mut own = self.entries.iter().copied().peekable();
+        for &entry in other {
+            while let Some(smaller) = own.next_if(|e| e.vector < entry.vector) {
+                merged.push(smaller);
+            }
+            let same = own.next_if(|e| e.vector == entry.vector).map_or(0, |e| e.count);
+            merged.push(Entry { vector: entry.vector, count: entry.count.saturating_add(same) });
+        }
+        merged.extend(own);
+        merged.shrink_to_fit();
+        self.entries = merged;
+    }
+}
+
+impl FromIterator<Vector> for Histogram {
+    fn from_iter<I: IntoIterator<Item = Vector>>(vectors: I) -> Histogram {
+        let mut tally = Tally::new();
+        vectors.into_iter().for_each(|v| tally.add(v));
+        tally.finish()
+    }
+}
