@@ -287,10 +287,16 @@ pub(super) struct Decode {
 
 /// Tells what a .vug file holds
 #[derive(Args)]
-#[command(after_help = "Examples:\n  vug info head.vug\n  vug info head.vug --json")]
+#[command(after_help = "Examples:
+  vug info head.vug
+  vug info head.vug --json
+  vug info colour.vug --codec-stats          zerobit: what was kept, null nodes, bytes of every part")]
 pub(super) struct Info {
     /// .vug file
     pub(super) file: PathBuf,
+    /// Look into every zerobit brick: ratios of kept coefficients and of null nodes, bytes of every part
+    #[arg(long)]
+    pub(super) codec_stats: bool,
     #[command(flatten)]
     pub(super) common: Common,
 }
