@@ -4,6 +4,7 @@
 //! memory are in the machine's byte order. Every fast path has a plain scalar twin, [`Codec::decode_plain`], that is
 //! always compiled and defines the result.
 
+mod prefetch;
 pub mod raw;
 pub mod s3dc;
 pub mod zerobit;

@@ -142,12 +142,18 @@ impl<'a> Unit<'a> {
     /// The stored cell that `rank` others precede.
     #[inline(always)]
     pub(super) fn cell_of_rank(&self, rank: usize) -> Cell<'a> {
+        self.cell_with_dis(rank, self.dis())
+    }
+
+    /// The same, where it is known already where DIS starts.
+    #[inline(always)]
+    pub(super) fn cell_with_dis(&self, rank: usize, dis: usize) -> Cell<'a> {
         let zerobits = Zerobits::read(self, rank);
         Cell {
             payload: self.payload,
             average: byte(self.payload, self.base + 8 + 4 * self.cells + rank),
             zerobits,
-            details: self.dis() + (self.offsets(rank) & 0xFFFF) as usize,
+            details: dis + (self.offsets(rank) & 0xFFFF) as usize,
         }
     }
 

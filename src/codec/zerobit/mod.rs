@@ -18,6 +18,11 @@ mod book;
 mod check;
 mod decode;
 mod encode;
+mod fast;
+mod fast_cell;
+mod fast_region;
+#[cfg(target_arch = "x86_64")]
+mod fast_v3;
 mod inverse;
 mod layout;
 mod params;
@@ -25,12 +30,14 @@ mod plan;
 mod reduced;
 mod select;
 mod stats;
+mod tables;
 mod tally;
 mod train;
 mod transform;
 
 pub use book::{Book, MAX_WORDS, Word};
 pub use decode::{Coefficients, Context};
+pub use fast::VoxelReader;
 pub use layout::{CELL_EDGE, Cell, Layout, OldCell, UNIT_CELLS, UNIT_EDGE, Unit, unit};
 pub use params::{KEEP_ALL, Norm, Params, Stream, Threshold, Training};
 pub use plan::{Coder, Cut, Plan};
@@ -132,21 +139,24 @@ impl Zerobit {
         check::check(self.stream, &Layout::new(brick), payload, self.book(payload)?)
     }
 
-    /// One voxel. Length and coordinate have been checked.
+    /// A reader of single voxels of a brick.
+    ///
+    /// # Errors
+    /// `E_REF` where the codebook is missing.
+    pub fn voxel_reader<'a>(&'a self, payload: &'a [u8], brick: Extent) -> Result<VoxelReader<'a>> {
+        Ok(VoxelReader::new(payload, &self.book(payload)?.tables, Layout::new(brick).units, self.stream))
+    }
+
+    /// One voxel, the fast way. Length and coordinate have been checked.
     pub(super) fn voxel(&self, payload: &[u8], t: SampleType, brick: Extent, c: Coord) -> Result<SampleValue> {
-        let context = Context { book: self.book(payload)?, sample_type: t, count: Popcount };
-        let (index, n) = Layout::new(brick).locate(c);
-        let at = c.map(|v| v % CELL_EDGE);
-        let word = unit(payload, index).and_then(|unit| match self.stream {
-            Stream::New => unit.cell(n, Popcount).map(|cell| context.voxel(&cell, at, &mut ())),
-            Stream::Old => unit.old_cell(n, Popcount).map(|cell| context.voxel(&cell, at, &mut ())),
-        });
-        Ok(word.map_or(self.null, |word| value_of(word, t)))
+        let reader = self.voxel_reader(payload, brick)?;
+        let packed = reader.packed(reader.entry(c), c);
+        Ok(packed.map_or(self.null, |packed| value_of(decode::clamp(tables::unpack(packed), t), t)))
     }
 
     /// Decodes a part of a brick by the fastest way.
     pub(super) fn decode(&self, part: &BrickPart<'_>, dst: ViewMut<'_>) -> Result<()> {
-        self.decode_plain(part, dst)
+        fast_region::decode(self, part, dst)
     }
 
     /// Decodes a part of a brick cell by cell; the reference for every faster way. // spec: ZBT-26
