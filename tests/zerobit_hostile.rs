@@ -63,6 +63,21 @@ fn read_all(codec: &Codec, payload: &[u8], brick: Extent, t: SampleType) -> Opti
         let c = brick.to_array().map(|n| random.below(n as usize) as u32);
         assert_eq!(codec.voxel(payload, t, brick, c).unwrap(), plain.value(c).unwrap(), "{c:?}");
     }
+    // Parts, from a payload at any address, into a place with pitches.
+    let mut shifted = vec![0xAA; random.below(16)];
+    let shift = shifted.len();
+    shifted.extend(payload);
+    let start: [u32; 3] = brick.to_array().map(|n| random.below(n as usize) as u32);
+    let end = std::array::from_fn(|a| start[a] + 1 + random.below((brick.to_array()[a] - start[a]) as usize) as u32);
+    let part = Region { start, end };
+    let mut fast = Grid::zeros(brick, t).unwrap();
+    codec.decode(&shifted[shift..], brick, &part, fast.view_mut().sub(&part)).unwrap();
+    for c in [start, end.map(|v| v - 1), std::array::from_fn(|a| (start[a] + end[a]) / 2)] {
+        assert_eq!(fast.value(c).unwrap(), plain.value(c).unwrap(), "{part}, {c:?}");
+    }
+    let mut expected = Grid::zeros(brick, t).unwrap();
+    codec.decode_plain(payload, brick, &part, expected.view_mut().sub(&part)).unwrap();
+    assert!(expected.bytes() == fast.bytes(), "{part}: another part, or voxels outside it were written");
     let mut all = plain.bytes().to_vec();
     for steps in 1..=2 {
         let small = reduced(codec, payload, brick, t, steps);
