@@ -140,7 +140,7 @@ mod tests {
         p.extend([3, 6, 0, 0, 0, 0, 0, 0]); // the first at byte 4 · 6
         p.extend(0x8000_0000_0000_0003u64.to_le_bytes());
         for rank in 0..3u32 {
-            p.extend((rank | (0x8000 | 2 * rank) << 16).to_le_bytes());
+            p.extend((rank | (0x8000 | (2 * rank)) << 16).to_le_bytes());
         }
         p.extend([0, 1, 2]);
         p.extend([0, 0xC0, 0, 0xC0, 0, 0xC0]); // detail 1: along z
