@@ -267,6 +267,7 @@ Examples:
   vug decode head.vug part.npy --region 0:64,0:64,10:20     x, y, z; the end is not included
   vug decode head.vug small.nii.gz --level 1
   vug decode head.vug slices/                               or slices/s_####.tif
+  vug decode colour.vug small.nrrd --reduce 2               zerobit: a quarter of each axis, from the means it holds
   vug decode damaged.vug rest.nrrd --salvage                lost bricks become the null value; exit 1")]
 pub(super) struct Decode {
     /// .vug file
@@ -276,7 +277,10 @@ pub(super) struct Decode {
     /// Level of detail; 0 is the finest
     #[arg(long, value_name = "L", default_value = "0")]
     pub(super) level: u8,
-    /// Part to decode, in voxels of the level, half open
+    /// Halve the level's axes once or twice, from the means that zerobit bricks hold
+    #[arg(long, value_name = "STEPS", value_parser = clap::value_parser!(u8).range(1..=2), conflicts_with = "salvage")]
+    pub(super) reduce: Option<u8>,
+    /// Part to decode, in voxels of the level (after --reduce), half open
     #[arg(long, value_name = "X0:X1,Y0:Y1,Z0:Z1", value_parser = parse_region)]
     pub(super) region: Option<Region>,
     /// Decode what is whole of a damaged file; lost bricks become the null value and are listed
@@ -291,10 +295,16 @@ pub(super) struct Decode {
 
 /// Tells what a .vug file holds
 #[derive(Args)]
-#[command(after_help = "Examples:\n  vug info head.vug\n  vug info head.vug --json")]
+#[command(after_help = "Examples:
+  vug info head.vug
+  vug info head.vug --json
+  vug info colour.vug --codec-stats          zerobit: what was kept, null nodes, bytes of every part")]
 pub(super) struct Info {
     /// .vug file
     pub(super) file: PathBuf,
+    /// Look into every zerobit brick: ratios of kept coefficients and of null nodes, bytes of every part
+    #[arg(long)]
+    pub(super) codec_stats: bool,
     #[command(flatten)]
     pub(super) common: Common,
 }

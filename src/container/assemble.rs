@@ -78,7 +78,7 @@ impl Tables {
         }
         let mut contents: Vec<Content> = sections.into_iter().map(Content::Known).collect();
         contents.extend([Content::Refs, Content::Chunks]);
-        let books = options.codebooks.map(|books| codebooks(books)).transpose()?;
+        let books = options.codebooks.map(codebooks).transpose()?;
         let books = books.map(|section| {
             contents.push(Content::Known(section));
             contents.len() - 1

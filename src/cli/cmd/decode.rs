@@ -5,7 +5,7 @@ use crate::cli::args::Decode;
 use crate::cli::output::{Verdict, error_json, progress};
 use crate::convert::{ExportInfo, Target};
 use crate::error::{Error, Result};
-use crate::geometry::{Coord, Region};
+use crate::geometry::{Coord, Extent, Region};
 use crate::grid::{Grid, dense_len};
 use crate::limits::{self, Limits};
 use crate::source::{AtomicFile, FileSource};
@@ -28,6 +28,8 @@ pub(super) fn run(args: &Decode) -> Result<Verdict> {
     let Some(extent) = volume.levels().nth(usize::from(args.level)) else {
         return Err(Error::param("level", format!("the file has levels 0 to {}, not {}", levels - 1, args.level)));
     };
+    let steps = args.reduce.unwrap_or(0);
+    let extent = extent.div_ceil(Extent::cube(1 << steps));
     let region = args.region.unwrap_or(Region::whole(extent));
     region.check(extent)?;
     // Whatever is wrong with the target is found before anything is decoded.
@@ -41,10 +43,11 @@ pub(super) fn run(args: &Decode) -> Result<Verdict> {
         }
         (salvaged.grid, salvaged.lost)
     } else {
-        (decode(&volume, at, region, &bar)?, Vec::new())
+        let grid = if steps > 0 { volume.read_reduced(at, steps, region)? } else { decode(&volume, at, region, &bar)? };
+        (grid, Vec::new())
     };
     bar.finish_and_clear();
-    let placement = moved(&volume.info().placement, args.level, region.start);
+    let placement = moved(&volume.info().placement, args.level + steps, region.start);
     let meta: Option<Value> = match volume.meta() {
         Ok(text) => text.and_then(|t| serde_json::from_str(&t).ok()),
         Err(_) if args.salvage => None,
@@ -106,7 +109,7 @@ fn decode(volume: &Volume, at: At, region: Region, bar: &indicatif::ProgressBar)
     Ok(grid)
 }
 
-/// Placement of a part of a coarser level: the centre of its first voxel, and the level's steps.
+/// Placement of a part of a coarser level, or of one that is halved from a finer one: the centre of its first voxel, and the level's steps.
 fn moved(placement: &Placement, lod: u8, start: Coord) -> Placement {
     let mut moved = placement.clone();
     let step = f64::from(1u32 << lod);
@@ -133,6 +136,7 @@ fn report(args: &Decode, volume: &Volume, grid: &Grid, lost: &[LostBrick]) {
             "{:#}",
             json!({
                 "dims": grid.extent().to_array(), "sample_type": grid.sample_type().name(), "level": args.level,
+                "reduce": args.reduce.unwrap_or(0),
                 "reads": cost.reads, "bytes_read": cost.bytes, "lost": lost,
             })
         );

@@ -1,5 +1,6 @@
 //! `vug info`: what a file holds.
 
+use super::codec_stats;
 use crate::cli::args::Info;
 use crate::cli::output::{Verdict, bytes_text, number};
 use crate::codec::{Codec, s3dc};
@@ -11,11 +12,17 @@ use serde_json::{Value, json};
 pub(super) fn run(args: &Info) -> Result<Verdict> {
     let volume = Volume::open_path(&args.file)?;
     let bricks = volume.brick_counts()?;
-    let json = describe(&volume, &bricks)?;
+    let mut json = describe(&volume, &bricks)?;
+    if args.codec_stats {
+        json["codec_stats"] = volume.codec_stats()?.as_ref().map_or(Value::Null, codec_stats::describe);
+    }
     if args.common.json {
         println!("{json:#}");
     } else {
         print!("{}", text(&json));
+        if args.codec_stats {
+            print!("{}", codec_stats::text(&json["codec_stats"]));
+        }
     }
     Ok(Verdict::Ok)
 }
