@@ -5,36 +5,85 @@
 //! rows, not sixteen.
 
 use super::bits;
+use super::book::ranges;
 use super::layout::{Cell, OldCell, byte, bytes};
 use super::tables::{Tables, unpack};
+use crate::voxel::SampleType;
 use std::ops::{Add, Neg, Sub};
 
 /// A number that a lane holds: wide enough for an average and fourteen details.
-pub(super) trait Lane: Copy + Default + Add<Output = Self> + Sub<Output = Self> + Neg<Output = Self> {
-    /// A component of a word, which fits.
-    fn from_i32(v: i32) -> Self;
+trait Lane: Copy + Default + Add<Output = Self> + Sub<Output = Self> + Neg<Output = Self> {}
+impl Lane for i16 {}
+impl Lane for i32 {}
+
+/// Bytes of a packed row at most: four voxels, and room to write whole vectors.
+pub(super) const ROW: usize = 16;
+
+/// Decodes cells of one sample type to rows of bytes.
+pub(super) trait Kernel {
+    /// Hands rows (y, z) of a cell, by their numbers y + 4z, to `put`, as the bytes of four samples; what lies behind them
+    /// does not matter. Rows that are not in the mask `rows` may be left out.
+    fn rows(&self, cell: &Coded<'_>, rows: u16, put: impl FnMut(usize, [u8; ROW]));
 }
-impl Lane for i16 {
+
+/// Colours without special instructions.
+#[derive(Clone, Copy)]
+pub(super) struct PortableColour<'a>(pub(super) &'a Tables);
+
+impl Kernel for PortableColour<'_> {
     #[inline(always)]
-    fn from_i32(v: i32) -> Self {
-        v as i16
-    }
-}
-impl Lane for i32 {
-    #[inline(always)]
-    fn from_i32(v: i32) -> Self {
-        v
+    fn rows(&self, cell: &Coded<'_>, rows: u16, put: impl FnMut(usize, [u8; ROW])) {
+        let pack = |row: &[i16; 16]| {
+            let mut out = [0; ROW];
+            for (to, from) in out.chunks_exact_mut(3).zip(row.chunks_exact(4)) {
+                for (to, &v) in to.iter_mut().zip(from) {
+                    *to = v.clamp(0, 255) as u8;
+                }
+            }
+            out
+        };
+        decode::<i16, _, 4, 16>(cell, &Colour(self.0), nodes_of(rows)).each_row(pack, put);
     }
 }
 
+/// Scalars of a type.
+#[derive(Clone, Copy)]
+pub(super) struct PortableGrey<'a>(pub(super) &'a Tables, pub(super) SampleType);
+
+impl Kernel for PortableGrey<'_> {
+    #[inline(always)]
+    fn rows(&self, cell: &Coded<'_>, rows: u16, put: impl FnMut(usize, [u8; ROW])) {
+        let [lo, hi] = ranges(self.1).0;
+        let pack = |row: &[i32; 4]| {
+            let mut out = [0; ROW];
+            let clamped = row.map(|v| v.clamp(lo, hi));
+            if self.1 == SampleType::U8 {
+                out[..4].copy_from_slice(&clamped.map(|v| v as u8));
+            } else {
+                for (to, v) in out.chunks_exact_mut(2).zip(clamped) {
+                    to.copy_from_slice(&(v as u16).to_ne_bytes());
+                }
+            }
+            out
+        };
+        decode::<i32, _, 1, 4>(cell, &Grey(self.0), nodes_of(rows)).each_row(pack, put);
+    }
+}
+
+/// The level-1 nodes of which a row is wanted, node 1 in the highest bit.
+#[inline(always)]
+fn nodes_of(rows: u16) -> u8 {
+    (0..4).filter(|q| rows >> ((q & 1) * 2 + (q >> 1) * 8) & 0b11_0011 != 0).fold(0, |all, q| all | 0xC0 >> (2 * q))
+}
+
 /// Lanes of a codebook: `L` per voxel.
-pub(super) trait Words<T: Lane, const L: usize> {
+trait Words<T: Lane, const L: usize> {
     fn average(&self, index: u8) -> [T; L];
     fn detail(&self, index: u8) -> [T; L];
 }
 
 /// Colours: 4 lanes of 16 bits, the last one unused.
-pub(super) struct Colour<'a>(pub(super) &'a Tables);
+struct Colour<'a>(&'a Tables);
 
 impl Words<i16, 4> for Colour<'_> {
     #[inline(always)]
@@ -48,7 +97,7 @@ impl Words<i16, 4> for Colour<'_> {
 }
 
 /// Scalars: one lane of 32 bits.
-pub(super) struct Grey<'a>(pub(super) &'a Tables);
+struct Grey<'a>(&'a Tables);
 
 impl Words<i32, 1> for Grey<'_> {
     #[inline(always)]
@@ -63,22 +112,38 @@ impl Words<i32, 1> for Grey<'_> {
 
 /// A stored cell of either stream as nine maps in the order of the new one, and its indices.
 pub(super) struct Coded<'a> {
-    payload: &'a [u8],
-    average: Option<u8>,
-    level_0: u8,
+    pub(super) payload: &'a [u8],
+    pub(super) average: Option<u8>,
+    /// The map of the level-0 node, 0 where it is null.
+    pub(super) level_0: u8,
     /// Level-1 nodes that have a map, node 1 in the highest bit.
-    nodes: u8,
-    maps: Maps,
+    pub(super) nodes: u8,
+    pub(super) maps: Maps,
     /// Where the first index of a detail lies.
-    details: usize,
+    pub(super) details: usize,
 }
 
+/// Maps of level-1 nodes.
 #[derive(Clone, Copy)]
-enum Maps {
+pub(super) enum Maps {
     /// Those of the nodes that have one, one after the other from here on.
     Stored(usize),
     /// Flags of all positions.
     Flags(u64),
+}
+
+impl Maps {
+    /// The map of node `i`, the next one that has a map.
+    #[inline(always)]
+    pub(super) fn next(&mut self, payload: &[u8], i: u32) -> u8 {
+        match self {
+            Maps::Stored(at) => {
+                *at += 1;
+                bits::details(byte(payload, *at - 1))
+            }
+            Maps::Flags(flags) => old_map(*flags, i),
+        }
+    }
 }
 
 impl<'a> Coded<'a> {
@@ -114,23 +179,35 @@ fn old_map(flags: u64, i: u32) -> u8 {
 }
 
 /// Rows (y, z) of a cell at y + 4z: voxels of `L` lanes along x. `R` is 4 · `L`.
-pub(super) type Rows<T, const R: usize> = [[T; R]; 16];
+type Rows<T, const R: usize> = [[T; R]; 16];
 
 /// What a cell consists of.
-pub(super) enum Decoded<T, const R: usize> {
+enum Decoded<T, const R: usize> {
     /// All rows.
     Rows(Rows<T, R>),
     /// The level-1 nodes are null: rows (y, z) are those at (y / 2) + 2 (z / 2).
     Quarters([[T; R]; 4]),
 }
 
-/// All level-1 nodes.
-pub(super) const ALL_NODES: u8 = 0xFF;
+impl<T, const R: usize> Decoded<T, R> {
+    #[inline(always)]
+    fn each_row(&self, pack: impl Fn(&[T; R]) -> [u8; ROW], mut put: impl FnMut(usize, [u8; ROW])) {
+        match self {
+            Decoded::Rows(rows) => rows.iter().enumerate().for_each(|(i, row)| put(i, pack(row))),
+            Decoded::Quarters(quarters) => {
+                for (q, quarter) in quarters.iter().enumerate() {
+                    let packed = pack(quarter);
+                    [0, 1, 4, 5].into_iter().for_each(|row| put((q & 1) * 2 + (q >> 1) * 8 + row, packed));
+                }
+            }
+        }
+    }
+}
 
 /// Decodes a cell; details of level-1 nodes that are not among `wanted` (node 1 in the highest bit) are left out. `R` must
 /// be 4 · `L`.
 #[inline(always)]
-pub(super) fn decode<T: Lane, W: Words<T, L>, const L: usize, const R: usize>(
+fn decode<T: Lane, W: Words<T, L>, const L: usize, const R: usize>(
     cell: &Coded<'_>,
     words: &W,
     wanted: u8,
@@ -172,17 +249,11 @@ pub(super) fn decode<T: Lane, W: Words<T, L>, const L: usize, const R: usize>(
         *row = quarters[i >> 1 & 1 | i >> 3 << 1];
     }
     let mut nodes = cell.nodes;
-    let mut stored = 0;
+    let mut maps = cell.maps;
     while nodes != 0 {
         let i = nodes.leading_zeros() + 1;
         nodes ^= bits::node_bit(i);
-        let map = match cell.maps {
-            Maps::Stored(first) => {
-                stored += 1;
-                bits::details(byte(cell.payload, first + stored - 1))
-            }
-            Maps::Flags(flags) => old_map(flags, i),
-        };
+        let map = maps.next(cell.payload, i);
         if wanted & bits::node_bit(i) != 0 {
             add_node::<T, W, L, R>(cell.payload, map, at, i - 1, words, &mut rows);
         }

@@ -1,15 +1,17 @@
 //! The fast decoders compiled for x86-64 machines with AVX2, BMI and POPCNT. Their twins are the portable ones.
-#![allow(unsafe_code, reason = "calls of functions that need these instructions, and the intrinsics that pack colours")]
+#![allow(unsafe_code, reason = "calls of functions that need these instructions")]
 
 use super::Zerobit;
 use super::fast::BrickReader;
-use super::fast_region::{Pack, decode_colour, decode_grey};
+use super::fast_avx2::colour_rows;
+use super::fast_cell::{Coded, Kernel, PortableGrey, ROW};
+use super::fast_region::decode_with;
+use super::tables::Tables;
 use crate::codec::BrickPart;
 use crate::error::Result;
 use crate::geometry::Coord;
 use crate::grid::ViewMut;
 use crate::voxel::{Sample, SampleType};
-use std::arch::x86_64::*;
 
 /// Proof that this machine has the instructions of x86-64-v3 that are used here.
 #[derive(Clone, Copy, Debug)]
@@ -50,7 +52,10 @@ pub(super) fn voxels<T: Sample>(_: V3, readers: &[BrickReader<'_>], coords: &[Co
 pub(super) fn cell<T: Sample>(_: V3, reader: &BrickReader<'_>, c: Coord, out: &mut [T; 64]) {
     #[target_feature(enable = "avx2,bmi1,bmi2,popcnt,lzcnt")]
     fn inner<T: Sample>(reader: &BrickReader<'_>, c: Coord, out: &mut [T; 64]) {
-        reader.cell_portable(c, VectorColour(V3(())), out);
+        match T::TYPE {
+            SampleType::Rgb8 => reader.cell_with(&VectorColour(reader.tables, V3(())), c, out),
+            t => reader.cell_with(&PortableGrey(reader.tables, t), c, out),
+        }
     }
     // SAFETY: the token proves the instructions.
     unsafe { inner(reader, c, out) }
@@ -61,7 +66,10 @@ pub(super) fn cell<T: Sample>(_: V3, reader: &BrickReader<'_>, c: Coord, out: &m
 pub(super) fn plane<T: Sample>(_: V3, reader: &BrickReader<'_>, axis: usize, c: Coord, out: &mut [T; 16]) {
     #[target_feature(enable = "avx2,bmi1,bmi2,popcnt,lzcnt")]
     fn inner<T: Sample>(reader: &BrickReader<'_>, axis: usize, c: Coord, out: &mut [T; 16]) {
-        reader.plane_portable(axis, c, VectorColour(V3(())), out);
+        match T::TYPE {
+            SampleType::Rgb8 => reader.plane_with(&VectorColour(reader.tables, V3(())), axis, c, out),
+            t => reader.plane_with(&PortableGrey(reader.tables, t), axis, c, out),
+        }
     }
     // SAFETY: the token proves the instructions.
     unsafe { inner(reader, axis, c, out) }
@@ -69,36 +77,27 @@ pub(super) fn plane<T: Sample>(_: V3, reader: &BrickReader<'_>, axis: usize, c: 
 
 /// Decodes a part of a brick.
 pub(super) fn decode(_: V3, codec: &Zerobit, part: &BrickPart<'_>, dst: ViewMut<'_>) -> Result<()> {
-    // SAFETY: the token proves the instructions.
-    unsafe { if dst.sample_type == SampleType::Rgb8 { colour(codec, part, dst) } else { grey(codec, part, dst) } }
-}
-
-#[target_feature(enable = "avx2,bmi1,bmi2,popcnt,lzcnt")]
-fn colour(codec: &Zerobit, part: &BrickPart<'_>, dst: ViewMut<'_>) -> Result<()> {
-    decode_colour(codec, part, dst, VectorColour(V3(())))
-}
-
-#[target_feature(enable = "avx2,bmi1,bmi2,popcnt,lzcnt")]
-fn grey(codec: &Zerobit, part: &BrickPart<'_>, dst: ViewMut<'_>) -> Result<()> {
-    decode_grey(codec, part, dst)
-}
-
-/// Colours by a saturating pack and a byte shuffle.
-#[derive(Clone, Copy)]
-struct VectorColour(#[allow(dead_code, reason = "proves the instructions")] V3);
-
-impl Pack<i16, 16> for VectorColour {
-    #[inline(always)]
-    fn pack(self, row: &[i16; 16]) -> [u8; 16] {
-        // SAFETY: the token proves the instructions; both loads lie inside the row, the store inside `out`.
-        unsafe {
-            let low = _mm_loadu_si128(row.as_ptr().cast());
-            let high = _mm_loadu_si128(row.as_ptr().add(8).cast());
-            let bytes = _mm_packus_epi16(low, high);
-            let order = _mm_setr_epi8(0, 1, 2, 4, 5, 6, 8, 9, 10, 12, 13, 14, -1, -1, -1, -1);
-            let mut out = [0u8; 16];
-            _mm_storeu_si128(out.as_mut_ptr().cast(), _mm_shuffle_epi8(bytes, order));
-            out
+    #[target_feature(enable = "avx2,bmi1,bmi2,popcnt,lzcnt")]
+    fn inner(codec: &Zerobit, tables: &Tables, part: &BrickPart<'_>, dst: ViewMut<'_>) {
+        match dst.sample_type {
+            SampleType::Rgb8 => decode_with(codec, VectorColour(tables, V3(())), part, dst),
+            t => decode_with(codec, PortableGrey(tables, t), part, dst),
         }
+    }
+    let tables = &codec.book(part.payload)?.tables;
+    // SAFETY: the token proves the instructions.
+    unsafe { inner(codec, tables, part, dst) }
+    Ok(())
+}
+
+/// Colours with AVX2.
+#[derive(Clone, Copy)]
+struct VectorColour<'a>(&'a Tables, #[allow(dead_code, reason = "proves the instructions")] V3);
+
+impl Kernel for VectorColour<'_> {
+    #[inline(always)]
+    fn rows(&self, cell: &Coded<'_>, rows: u16, put: impl FnMut(usize, [u8; ROW])) {
+        // SAFETY: the token proves the instructions.
+        unsafe { colour_rows(cell, self.0, rows, put) }
     }
 }

@@ -31,8 +31,14 @@ pub(super) fn byte(payload: &[u8], at: usize) -> u8 {
 pub(super) fn bytes<const N: usize>(payload: &[u8], at: usize) -> [u8; N] {
     match payload.get(at..at.saturating_add(N)) {
         Some(found) => found.try_into().expect("N bytes"),
-        None => std::array::from_fn(|i| byte(payload, at.saturating_add(i))),
+        None => bytes_at_end(payload, at),
     }
+}
+
+#[cold]
+#[inline(never)]
+fn bytes_at_end<const N: usize>(payload: &[u8], at: usize) -> [u8; N] {
+    std::array::from_fn(|i| byte(payload, at.saturating_add(i)))
 }
 
 /// Unit blocks of a brick, and the lengths its payload may have.

@@ -19,6 +19,8 @@ mod check;
 mod decode;
 mod encode;
 mod fast;
+#[cfg(target_arch = "x86_64")]
+mod fast_avx2;
 mod fast_cell;
 mod fast_group;
 mod fast_region;
