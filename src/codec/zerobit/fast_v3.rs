@@ -7,11 +7,12 @@ use super::fast_avx2::colour_rows;
 use super::fast_cell::{Coded, Kernel, PortableGrey, ROW};
 use super::fast_region::decode_with;
 use super::tables::Tables;
-use crate::codec::BrickPart;
+use crate::codec::{BrickPart, Stores};
 use crate::error::Result;
 use crate::geometry::Coord;
 use crate::grid::ViewMut;
 use crate::voxel::{Sample, SampleType};
+use std::arch::x86_64::{_mm_sfence, _mm256_loadu_si256, _mm256_stream_si256};
 
 /// Proof that this machine has the instructions of x86-64-v3 that are used here.
 #[derive(Clone, Copy, Debug)]
@@ -75,19 +76,45 @@ pub(super) fn plane<T: Sample>(_: V3, reader: &BrickReader<'_>, axis: usize, c: 
     unsafe { inner(reader, axis, c, out) }
 }
 
-/// Decodes a part of a brick.
-pub(super) fn decode(_: V3, codec: &Zerobit, part: &BrickPart<'_>, dst: ViewMut<'_>) -> Result<()> {
+/// Decodes parts of bricks that lie side by side.
+pub(super) fn decode(_: V3, codec: &Zerobit, parts: &[BrickPart<'_>], dst: ViewMut<'_>, stores: Stores) -> Result<()> {
     #[target_feature(enable = "avx2,bmi1,bmi2,popcnt,lzcnt")]
-    fn inner(codec: &Zerobit, tables: &Tables, part: &BrickPart<'_>, dst: ViewMut<'_>) {
-        match dst.sample_type {
-            SampleType::Rgb8 => decode_with(codec, VectorColour(tables, V3(())), part, dst),
-            t => decode_with(codec, PortableGrey(tables, t), part, dst),
+    fn inner(codec: &Zerobit, parts: &[BrickPart<'_>], dst: ViewMut<'_>, stores: Stores) -> Result<()> {
+        let t = dst.sample_type;
+        let copy = |to: &mut [u8], from: &[u8]| match stores {
+            Stores::Cached => to.copy_from_slice(from),
+            Stores::Streaming => stream(to, from),
+        };
+        if t == SampleType::Rgb8 {
+            decode_with(codec, |tables| VectorColour(tables, V3(())), parts, dst, copy)
+        } else {
+            decode_with(codec, |tables| PortableGrey(tables, t), parts, dst, copy)
         }
     }
-    let tables = &codec.book(part.payload)?.tables;
-    // SAFETY: the token proves the instructions.
-    unsafe { inner(codec, tables, part, dst) }
-    Ok(())
+    // SAFETY: the token proves the instructions. Streaming stores become visible in order with what follows.
+    unsafe {
+        let done = inner(codec, parts, dst, stores);
+        if stores == Stores::Streaming {
+            _mm_sfence();
+        }
+        done
+    }
+}
+
+/// Copies past the caches where the destination lies on a vector's boundary.
+#[inline]
+#[target_feature(enable = "avx2")]
+fn stream(to: &mut [u8], from: &[u8]) {
+    const STEP: usize = 32;
+    if !to.as_ptr().addr().is_multiple_of(STEP) {
+        return to.copy_from_slice(from);
+    }
+    let whole = to.len() / STEP * STEP;
+    for (to, from) in to[..whole].chunks_exact_mut(STEP).zip(from.chunks_exact(STEP)) {
+        // SAFETY: both are 32 bytes long; the destination is aligned, since it started so and moves by 32.
+        unsafe { _mm256_stream_si256(to.as_mut_ptr().cast(), _mm256_loadu_si256(from.as_ptr().cast())) }
+    }
+    to[whole..].copy_from_slice(&from[whole..]);
 }
 
 /// Colours with AVX2.

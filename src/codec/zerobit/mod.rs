@@ -50,7 +50,7 @@ pub use stats::{Stats, StreamBytes};
 pub use tally::{Case, Counts, Tally};
 pub use train::{Survivors, Trainer};
 
-use crate::codec::BrickPart;
+use crate::codec::{BrickPart, Stores};
 use crate::error::{Code, Error, Result};
 use crate::geometry::{Coord, Extent};
 use crate::grid::ViewMut;
@@ -165,9 +165,9 @@ impl Zerobit {
         Ok(with_sample!(t, T => Sample::value(reader.voxel::<T>(c))))
     }
 
-    /// Decodes a part of a brick by the fastest way.
-    pub(super) fn decode(&self, part: &BrickPart<'_>, dst: ViewMut<'_>) -> Result<()> {
-        fast_region::decode(self, part, dst)
+    /// Decodes parts of bricks that lie side by side, by the fastest way.
+    pub(super) fn decode(&self, parts: &[BrickPart<'_>], dst: ViewMut<'_>, stores: Stores) -> Result<()> {
+        fast_region::decode(self, parts, dst, stores)
     }
 
     /// Decodes a part of a brick cell by cell; the reference for every faster way. // spec: ZBT-26
