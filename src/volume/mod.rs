@@ -13,6 +13,7 @@ mod books;
 mod bounds;
 mod brick_encoder;
 mod bricks;
+mod cells;
 mod census;
 mod choose;
 mod choose_keep;

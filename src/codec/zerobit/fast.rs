@@ -4,20 +4,26 @@
 //! can be known from the counts alone is computed while the bytes are on their way.
 
 use super::bits;
+use super::book::ranges;
 use super::layout::{NEW_RECORD, PREFIX_BYTES, Unit, byte, bytes};
 use super::params::Stream;
-use super::tables::Tables;
+use super::tables::{Tables, unpack};
 use crate::codec::prefetch::prefetch;
 use crate::geometry::{Coord, Extent};
+use crate::voxel::{Sample, SampleType, same};
 
-/// A brick whose voxels are to be read one by one.
+/// A brick whose voxels, planes and cells are to be read one by one. Coordinates must lie inside the brick.
 #[derive(Clone, Copy, Debug)]
-pub struct VoxelReader<'a> {
-    payload: &'a [u8],
-    tables: &'a Tables,
+pub struct BrickReader<'a> {
+    pub(super) payload: &'a [u8],
+    pub(super) tables: &'a Tables,
     /// Unit blocks along x, and in a layer.
     units: [u32; 2],
-    stream: Stream,
+    pub(super) stream: Stream,
+    /// The null value, packed.
+    pub(super) null: i64,
+    #[cfg(target_arch = "x86_64")]
+    pub(super) v3: Option<super::fast_v3::V3>,
 }
 
 /// Signs by place (4x + 2y + z) of a 2³ group, as bits in the order of a map: set where detail j is subtracted.
@@ -37,9 +43,69 @@ const SIGNS: [u8; 8] = {
     signs
 };
 
-impl<'a> VoxelReader<'a> {
-    pub(super) fn new(payload: &'a [u8], tables: &'a Tables, units: Extent, stream: Stream) -> Self {
-        VoxelReader { payload, tables, units: [units.x, units.x * units.y], stream }
+/// Voxels whose bytes are asked for ahead before the first of them is decoded: enough to hide main memory's latency.
+pub const AHEAD: usize = 32;
+
+impl<'a> BrickReader<'a> {
+    pub(super) fn new(payload: &'a [u8], tables: &'a Tables, units: Extent, stream: Stream, null: i64) -> Self {
+        BrickReader {
+            payload,
+            tables,
+            units: [units.x, units.x * units.y],
+            stream,
+            null,
+            #[cfg(target_arch = "x86_64")]
+            v3: super::fast_v3::V3::detect(),
+        }
+    }
+
+    /// The same for another payload that refers to the same codebook.
+    #[inline(always)]
+    #[must_use]
+    pub fn with_payload<'b>(&self, payload: &'b [u8]) -> BrickReader<'b>
+    where
+        'a: 'b,
+    {
+        BrickReader { payload, ..*self }
+    }
+
+    /// The voxel at `c` of the brick; `T` must be the type of the volume's samples.
+    #[inline(always)]
+    #[must_use]
+    pub fn voxel<T: Sample>(&self, c: Coord) -> T {
+        #[cfg(target_arch = "x86_64")]
+        if let Some(token) = self.v3 {
+            return super::fast_v3::voxel(token, self, c);
+        }
+        self.voxel_portable(c)
+    }
+
+    #[inline(always)]
+    pub(super) fn voxel_portable<T: Sample>(&self, c: Coord) -> T {
+        to_sample(self.packed(self.entry(c), c).unwrap_or(self.null))
+    }
+
+    /// Voxels of several bricks, at most [`AHEAD`], asking memory for all of them before the first is decoded. `readers`,
+    /// `coords` and `out` are equally long; coordinates are those in the bricks.
+    pub fn voxels<T: Sample>(readers: &[BrickReader<'_>], coords: &[Coord], out: &mut [T]) {
+        #[cfg(target_arch = "x86_64")]
+        if let Some(token) = readers.first().and_then(|r| r.v3) {
+            return super::fast_v3::voxels(token, readers, coords, out);
+        }
+        BrickReader::voxels_portable(readers, coords, out);
+    }
+
+    #[inline(always)]
+    pub(super) fn voxels_portable<T: Sample>(readers: &[BrickReader<'_>], coords: &[Coord], out: &mut [T]) {
+        let mut entries = [0; AHEAD];
+        readers.iter().zip(coords).for_each(|(reader, &c)| reader.prefetch_entry(c));
+        for ((reader, &c), entry) in readers.iter().zip(coords).zip(&mut entries) {
+            *entry = reader.entry(c);
+            reader.prefetch_unit(*entry);
+        }
+        for (((reader, &c), &entry), value) in readers.iter().zip(coords).zip(&entries).zip(out) {
+            *value = to_sample(reader.packed(entry, c).unwrap_or(reader.null));
+        }
     }
 
     /// Where the directory entry of a voxel's unit block lies in the payload.
@@ -50,19 +116,19 @@ impl<'a> VoxelReader<'a> {
 
     /// The directory entry of a voxel's unit block.
     #[inline(always)]
-    pub fn entry(&self, c: Coord) -> u32 {
+    pub(super) fn entry(&self, c: Coord) -> u32 {
         u32::from_le_bytes(bytes(self.payload, self.entry_at(c)))
     }
 
     /// Asks memory for the directory entry of a voxel.
     #[inline(always)]
-    pub fn prefetch_entry(&self, c: Coord) {
+    fn prefetch_entry(&self, c: Coord) {
         prefetch(self.payload, self.entry_at(c));
     }
 
     /// Asks memory for the part of a unit block that every voxel of it needs.
     #[inline(always)]
-    pub fn prefetch_unit(&self, entry: u32) {
+    fn prefetch_unit(&self, entry: u32) {
         if entry & 0xFF == 0 {
             return;
         }
@@ -74,7 +140,7 @@ impl<'a> VoxelReader<'a> {
         }
     }
 
-    /// The voxel at `c`, packed and not yet clamped; `None` where its cell is null. `entry` is that of [`VoxelReader::entry`].
+    /// The voxel at `c`, packed and not yet clamped; `None` where its cell is null. `entry` is that of [`BrickReader::entry`].
     #[inline(always)]
     pub(super) fn packed(&self, entry: u32, [x, y, z]: Coord) -> Option<i64> {
         let cells = (entry & 0xFF) as usize;
@@ -151,5 +217,19 @@ impl<'a> VoxelReader<'a> {
             rest ^= top;
         }
         sum
+    }
+}
+
+/// A packed word as a sample, clamped to its range. The type is known when this is compiled: no match remains.
+#[inline(always)]
+pub(super) fn to_sample<T: Sample>(packed: i64) -> T {
+    let [lo, hi] = ranges(T::TYPE).0;
+    let word = unpack(packed).map(|v| v.clamp(lo, hi));
+    match T::TYPE {
+        SampleType::U8 => same(word[0] as u8),
+        SampleType::U16 => same(word[0] as u16),
+        SampleType::I16 => same(word[0] as i16),
+        SampleType::Rgb8 => same(word.map(|v| v as u8)),
+        SampleType::F32 => unreachable!("refused by Codec::supports"),
     }
 }

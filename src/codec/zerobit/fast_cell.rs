@@ -10,9 +10,22 @@ use super::tables::{Tables, unpack};
 use std::ops::{Add, Neg, Sub};
 
 /// A number that a lane holds: wide enough for an average and fourteen details.
-pub(super) trait Lane: Copy + Default + Add<Output = Self> + Sub<Output = Self> + Neg<Output = Self> {}
-impl Lane for i16 {}
-impl Lane for i32 {}
+pub(super) trait Lane: Copy + Default + Add<Output = Self> + Sub<Output = Self> + Neg<Output = Self> {
+    /// A component of a word, which fits.
+    fn from_i32(v: i32) -> Self;
+}
+impl Lane for i16 {
+    #[inline(always)]
+    fn from_i32(v: i32) -> Self {
+        v as i16
+    }
+}
+impl Lane for i32 {
+    #[inline(always)]
+    fn from_i32(v: i32) -> Self {
+        v
+    }
+}
 
 /// Lanes of a codebook: `L` per voxel.
 pub(super) trait Words<T: Lane, const L: usize> {
@@ -111,11 +124,16 @@ pub(super) enum Decoded<T, const R: usize> {
     Quarters([[T; R]; 4]),
 }
 
-/// Decodes a cell. `R` must be 4 · `L`.
+/// All level-1 nodes.
+pub(super) const ALL_NODES: u8 = 0xFF;
+
+/// Decodes a cell; details of level-1 nodes that are not among `wanted` (node 1 in the highest bit) are left out. `R` must
+/// be 4 · `L`.
 #[inline(always)]
 pub(super) fn decode<T: Lane, W: Words<T, L>, const L: usize, const R: usize>(
     cell: &Coded<'_>,
     words: &W,
+    wanted: u8,
 ) -> Decoded<T, R> {
     let average = cell.average.map_or([T::default(); L], |index| words.average(index));
     let mut quarters = [[T::default(); R]; 4];
@@ -126,7 +144,7 @@ pub(super) fn decode<T: Lane, W: Words<T, L>, const L: usize, const R: usize>(
         // Sums by letters (hy, hz), then combined.
         let mut sums = [[T::default(); R]; 4];
         sums[0] = std::array::from_fn(|lane| average[lane % L]);
-        at += each_detail(cell.payload, cell.level_0, at, |j, index| {
+        each_detail(cell.payload, cell.level_0, at, |j, index| {
             let word = words.detail(index);
             let sum = &mut sums[j as usize & 3];
             let high = j & 4 != 0;
@@ -135,6 +153,7 @@ pub(super) fn decode<T: Lane, W: Words<T, L>, const L: usize, const R: usize>(
                 *s = *s + if high && lane >= R / 2 { -w } else { w };
             }
         });
+        at += cell.level_0.count_ones() as usize;
         for lane in 0..R {
             let [none, z, y, yz] = sums.map(|sum| sum[lane]);
             let (low, high) = (none + z, none - z);
@@ -145,7 +164,7 @@ pub(super) fn decode<T: Lane, W: Words<T, L>, const L: usize, const R: usize>(
             quarters[3][lane] = high - high_y;
         }
     }
-    if cell.nodes == 0 {
+    if cell.nodes & wanted == 0 {
         return Decoded::Quarters(quarters);
     }
     let mut rows = [[T::default(); R]; 16];
@@ -164,12 +183,15 @@ pub(super) fn decode<T: Lane, W: Words<T, L>, const L: usize, const R: usize>(
             }
             Maps::Flags(flags) => old_map(flags, i),
         };
-        at += add_node::<T, W, L, R>(cell.payload, map, at, i - 1, words, &mut rows);
+        if wanted & bits::node_bit(i) != 0 {
+            add_node::<T, W, L, R>(cell.payload, map, at, i - 1, words, &mut rows);
+        }
+        at += map.count_ones() as usize;
     }
     Decoded::Rows(rows)
 }
 
-/// Adds the details of level-1 node `i` (0 to 7) to its eight voxels; returns how many there are.
+/// Adds the details of level-1 node `i` (0 to 7) to its eight voxels.
 #[inline(always)]
 fn add_node<T: Lane, W: Words<T, L>, const L: usize, const R: usize>(
     payload: &[u8],
@@ -178,12 +200,12 @@ fn add_node<T: Lane, W: Words<T, L>, const L: usize, const R: usize>(
     i: u32,
     words: &W,
     rows: &mut Rows<T, R>,
-) -> usize {
+) {
     let x = (i & 1) as usize * 2 * L;
     let first = (i & 2 | (i & 4) << 1) as usize;
     // Two voxels of `L` lanes; the upper half of a row's length is not used.
     let mut sums = [[T::default(); R]; 4];
-    let count = each_detail(payload, map, at, |j, index| {
+    each_detail(payload, map, at, |j, index| {
         let word = words.detail(index);
         let sum = &mut sums[j as usize & 3];
         let high = j & 4 != 0;
@@ -202,12 +224,11 @@ fn add_node<T: Lane, W: Words<T, L>, const L: usize, const R: usize>(
         add(&mut rows[first + 4], high + high_y);
         add(&mut rows[first + 5], high - high_y);
     }
-    count
 }
 
-/// Visits the details of a map in order, with their indices; returns how many there are.
+/// Visits the details of a map in order, with their indices.
 #[inline(always)]
-fn each_detail(payload: &[u8], map: u8, at: usize, mut visit: impl FnMut(u32, u8)) -> usize {
+fn each_detail(payload: &[u8], map: u8, at: usize, mut visit: impl FnMut(u32, u8)) {
     let mut indices = u64::from_le_bytes(bytes(payload, at)); // at most seven
     let mut rest = map;
     while rest != 0 {
@@ -216,5 +237,4 @@ fn each_detail(payload: &[u8], map: u8, at: usize, mut visit: impl FnMut(u32, u8
         indices >>= 8;
         rest ^= bits::detail_bit(j);
     }
-    map.count_ones() as usize
 }

@@ -3,7 +3,7 @@
 use super::Zerobit;
 use super::bits;
 use super::book::ranges;
-use super::fast_cell::{Coded, Colour, Decoded, Grey, Lane, Words, decode as decode_cell};
+use super::fast_cell::{ALL_NODES, Coded, Colour, Decoded, Grey, Lane, Words, decode as decode_cell};
 use super::layout::{CELL_EDGE, Layout, UNIT_EDGE, Unit, unit};
 use super::params::Stream;
 use super::tables::{pack, unpack};
@@ -14,7 +14,7 @@ use crate::grid::ViewMut;
 use crate::voxel::SampleType;
 
 /// Bytes of a packed row at most: four voxels, and room to write whole vectors.
-const ROW: usize = 16;
+pub(super) const ROW: usize = 16;
 
 /// Turns lanes into the bytes of four samples, clamped to their range.
 pub(super) trait Pack<T, const R: usize>: Copy {
@@ -41,7 +41,7 @@ impl Pack<i16, 16> for PlainColour {
 
 /// Scalars.
 #[derive(Clone, Copy)]
-pub(super) struct PlainGrey(SampleType);
+pub(super) struct PlainGrey(pub(super) SampleType);
 
 impl Pack<i32, 4> for PlainGrey {
     #[inline(always)]
@@ -169,7 +169,7 @@ where
                         self.store(at, part, dst, |_| null);
                         continue;
                     };
-                    match decode_cell::<T, W, L, R>(&coded, &self.words) {
+                    match decode_cell::<T, W, L, R>(&coded, &self.words, ALL_NODES) {
                         Decoded::Rows(rows) => self.store(at, part, dst, |i| self.pack.pack(&rows[i])),
                         Decoded::Quarters(quarters) => {
                             let packed = quarters.map(|row| self.pack.pack(&row));

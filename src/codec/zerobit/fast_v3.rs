@@ -2,11 +2,13 @@
 #![allow(unsafe_code, reason = "calls of functions that need these instructions, and the intrinsics that pack colours")]
 
 use super::Zerobit;
+use super::fast::BrickReader;
 use super::fast_region::{Pack, decode_colour, decode_grey};
 use crate::codec::BrickPart;
 use crate::error::Result;
+use crate::geometry::Coord;
 use crate::grid::ViewMut;
-use crate::voxel::SampleType;
+use crate::voxel::{Sample, SampleType};
 use std::arch::x86_64::*;
 
 /// Proof that this machine has the instructions of x86-64-v3 that are used here.
@@ -20,6 +22,49 @@ impl V3 {
         use std::arch::is_x86_feature_detected as has;
         (has!("avx2") && has!("bmi1") && has!("bmi2") && has!("popcnt") && has!("lzcnt")).then_some(V3(()))
     }
+}
+
+/// One voxel of a brick.
+#[inline(always)]
+pub(super) fn voxel<T: Sample>(_: V3, reader: &BrickReader<'_>, c: Coord) -> T {
+    #[target_feature(enable = "avx2,bmi1,bmi2,popcnt,lzcnt")]
+    fn inner<T: Sample>(reader: &BrickReader<'_>, c: Coord) -> T {
+        reader.voxel_portable(c)
+    }
+    // SAFETY: the token proves the instructions.
+    unsafe { inner(reader, c) }
+}
+
+/// Voxels of several bricks.
+pub(super) fn voxels<T: Sample>(_: V3, readers: &[BrickReader<'_>], coords: &[Coord], out: &mut [T]) {
+    #[target_feature(enable = "avx2,bmi1,bmi2,popcnt,lzcnt")]
+    fn inner<T: Sample>(readers: &[BrickReader<'_>], coords: &[Coord], out: &mut [T]) {
+        BrickReader::voxels_portable(readers, coords, out);
+    }
+    // SAFETY: the token proves the instructions.
+    unsafe { inner(readers, coords, out) }
+}
+
+/// A cell of a brick.
+#[inline(always)]
+pub(super) fn cell<T: Sample>(_: V3, reader: &BrickReader<'_>, c: Coord, out: &mut [T; 64]) {
+    #[target_feature(enable = "avx2,bmi1,bmi2,popcnt,lzcnt")]
+    fn inner<T: Sample>(reader: &BrickReader<'_>, c: Coord, out: &mut [T; 64]) {
+        reader.cell_portable(c, VectorColour(V3(())), out);
+    }
+    // SAFETY: the token proves the instructions.
+    unsafe { inner(reader, c, out) }
+}
+
+/// A plane of a cell of a brick.
+#[inline(always)]
+pub(super) fn plane<T: Sample>(_: V3, reader: &BrickReader<'_>, axis: usize, c: Coord, out: &mut [T; 16]) {
+    #[target_feature(enable = "avx2,bmi1,bmi2,popcnt,lzcnt")]
+    fn inner<T: Sample>(reader: &BrickReader<'_>, axis: usize, c: Coord, out: &mut [T; 16]) {
+        reader.plane_portable(axis, c, VectorColour(V3(())), out);
+    }
+    // SAFETY: the token proves the instructions.
+    unsafe { inner(reader, axis, c, out) }
 }
 
 /// Decodes a part of a brick.

@@ -20,6 +20,7 @@ mod decode;
 mod encode;
 mod fast;
 mod fast_cell;
+mod fast_group;
 mod fast_region;
 #[cfg(target_arch = "x86_64")]
 mod fast_v3;
@@ -37,7 +38,7 @@ mod transform;
 
 pub use book::{Book, MAX_WORDS, Word};
 pub use decode::{Coefficients, Context};
-pub use fast::VoxelReader;
+pub use fast::{AHEAD, BrickReader};
 pub use layout::{CELL_EDGE, Cell, Layout, OldCell, UNIT_CELLS, UNIT_EDGE, Unit, unit};
 pub use params::{KEEP_ALL, Norm, Params, Stream, Threshold, Training};
 pub use plan::{Coder, Cut, Plan};
@@ -51,7 +52,7 @@ use crate::codec::BrickPart;
 use crate::error::{Code, Error, Result};
 use crate::geometry::{Coord, Extent};
 use crate::grid::ViewMut;
-use crate::voxel::{SampleType, SampleValue};
+use crate::voxel::{Sample, SampleType, SampleValue};
 use crate::with_sample;
 use bits::Popcount;
 use std::sync::Arc;
@@ -139,19 +140,27 @@ impl Zerobit {
         check::check(self.stream, &Layout::new(brick), payload, self.book(payload)?)
     }
 
-    /// A reader of single voxels of a brick.
+    /// A reader of single voxels, planes and cells of a brick.
     ///
     /// # Errors
     /// `E_REF` where the codebook is missing.
-    pub fn voxel_reader<'a>(&'a self, payload: &'a [u8], brick: Extent) -> Result<VoxelReader<'a>> {
-        Ok(VoxelReader::new(payload, &self.book(payload)?.tables, Layout::new(brick).units, self.stream))
+    pub fn reader<'a>(&'a self, payload: &'a [u8], brick: Extent) -> Result<BrickReader<'a>> {
+        Ok(self.reader_without(payload, brick)?.with_payload(payload))
+    }
+
+    /// The same, still to be given its payload by [`BrickReader::with_payload`].
+    ///
+    /// # Errors
+    /// As [`Zerobit::reader`].
+    pub fn reader_without(&self, payload: &[u8], brick: Extent) -> Result<BrickReader<'_>> {
+        let null = tables::pack(self.null_components::<3>());
+        Ok(BrickReader::new(&[], &self.book(payload)?.tables, Layout::new(brick).units, self.stream, null))
     }
 
     /// One voxel, the fast way. Length and coordinate have been checked.
     pub(super) fn voxel(&self, payload: &[u8], t: SampleType, brick: Extent, c: Coord) -> Result<SampleValue> {
-        let reader = self.voxel_reader(payload, brick)?;
-        let packed = reader.packed(reader.entry(c), c);
-        Ok(packed.map_or(self.null, |packed| value_of(decode::clamp(tables::unpack(packed), t), t)))
+        let reader = self.reader(payload, brick)?;
+        Ok(with_sample!(t, T => Sample::value(reader.voxel::<T>(c))))
     }
 
     /// Decodes a part of a brick by the fastest way.

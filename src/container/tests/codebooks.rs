@@ -36,7 +36,7 @@ fn a_section_of_no_codebooks_is_not_canonical() {
     // The writer does not write such a one.
     let d = descriptor([4, 4, 4], 1);
     for (codebooks, code) in
-        [((Vec::new(), 1), Code::Param), ((BOOKS.to_vec(), 0), Code::Param), ((BOOKS.to_vec(), 4097), Code::Limit)]
+        [((BOOKS.to_vec(), 0), Code::Param), ((BOOKS.to_vec(), 4097), Code::Limit)]
     {
         let w = FileWriter::new(Cursor::new(Vec::new()), &d).unwrap();
         let options = FinishOptions { codebooks: Some(codebooks), ..FinishOptions::default() };
