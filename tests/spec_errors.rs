@@ -59,6 +59,7 @@ fn caps_are_those_of_the_code() {
         ("sections", u64::from(limits::MAX_SECTIONS)),
         ("codec entries", limits::MAX_CODECS as u64),
         ("stored payload", limits::MAX_BRICK_BYTES),
+        ("codebooks of a file", limits::MAX_CODEBOOKS),
         ("`META`, decoded", limits::MAX_META_BYTES),
         ("zstd window", 1 << limits::MAX_ZSTD_WINDOW_LOG),
     ];
