@@ -266,8 +266,8 @@ Examples:
   vug decode head.vug back.nrrd
   vug decode head.vug part.npy --region 0:64,0:64,10:20     x, y, z; the end is not included
   vug decode head.vug small.nii.gz --level 1
-  vug decode colour.vug small.nrrd --reduce 2               zerobit: a quarter of each axis, from the means it holds
   vug decode head.vug slices/                               or slices/s_####.tif
+  vug decode colour.vug small.nrrd --reduce 2               zerobit: a quarter of each axis, from the means it holds
   vug decode damaged.vug rest.nrrd --salvage                lost bricks become the null value; exit 1")]
 pub(super) struct Decode {
     /// .vug file
