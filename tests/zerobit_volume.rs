@@ -153,6 +153,7 @@ fn malformed_codebooks_are_refused_with_their_place() {
         (changed(5, 2), Code::Limit, 4),
         (changed(21, 1), Code::Padding, 21),
         (Some((good[..good.len() - 4].to_vec(), 2)), Code::Truncated, first_len),
+        (Some((Vec::new(), 1)), Code::Truncated, 0),
         (Some((good.clone(), 3)), Code::Truncated, good.len() as u64),
         (Some((good.clone(), 1)), Code::Size, first_len),
         (Some((long, 2)), Code::Size, good.len() as u64),

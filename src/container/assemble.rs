@@ -184,7 +184,7 @@ pub(super) fn content_id(vold: &[u8], pdir: &[u8], books: &[u8]) -> [u8; 16] {
 
 /// The `CBOK` section. // spec: ZBT-34
 fn codebooks((bytes, count): (Vec<u8>, u64)) -> Result<ExtraSection> {
-    if bytes.is_empty() || count == 0 {
+    if count == 0 {
         return Err(Error::param("codebooks", "a section of no codebooks is left out"));
     }
     limits::check("codebooks", count, limits::MAX_CODEBOOKS)?;
