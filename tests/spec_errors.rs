@@ -58,6 +58,8 @@ fn caps_are_those_of_the_code() {
         ("levels", u64::from(limits::MAX_LODS)),
         ("sections", u64::from(limits::MAX_SECTIONS)),
         ("codec entries", limits::MAX_CODECS as u64),
+        ("codebooks of a file", limits::MAX_CODEBOOKS),
+        ("words of a codebook", limits::MAX_CODEBOOK_WORDS),
         ("stored payload", limits::MAX_BRICK_BYTES),
         ("`META`, decoded", limits::MAX_META_BYTES),
         ("zstd window", 1 << limits::MAX_ZSTD_WINDOW_LOG),
