@@ -143,7 +143,7 @@ impl Coded {
     }
 
     /// Visits every cell of every brick: payload, number of the unit block, number of the cell, first voxel in the volume.
-    pub fn each_cell(&self, mut visit: impl FnMut(&[u8], usize, u32, [u32; 3])) {
+    pub fn each_cell<'a>(&'a self, mut visit: impl FnMut(&'a [u8], usize, u32, [u32; 3])) {
         for (region, payload) in &self.bricks {
             let layout = Layout::new(region.extent());
             let cells = region.extent().div_ceil(Extent::cube(CELL_EDGE));
@@ -227,4 +227,30 @@ pub fn size(cell: &[[i32; 64]], p: usize, norm: Norm) -> u64 {
 pub fn nearest(words: &[Word], v: Word) -> usize {
     let distance = |w: &Word| (0..3).map(|c| (i64::from(w[c]) - i64::from(v[c])).pow(2)).sum::<i64>();
     (0..words.len()).min_by_key(|&i| (distance(&words[i]), i)).unwrap()
+}
+
+/// Real volumes that zerobit can hold.
+pub const REAL: [&str; 9] = [
+    "rgb_stroke_t1t2flair.nrrd",
+    "rgb_dti_dec.nrrd",
+    "rgb24_ct_perfusion.nii.gz",
+    "ct_visiblehuman_head_u8.nrrd",
+    "mri_mni152_i16.nii.gz",
+    "ct_chest_lidc2.nhdr",
+    "mri_stroke_t1.nii.gz",
+    "mr_cardiac_u16.nrrd",
+    "tooth.nhdr",
+];
+
+/// `depth` planes out of the middle of a real volume.
+#[cfg(feature = "convert")]
+pub fn load(dir: &std::path::Path, name: &str, depth: u32) -> Grid {
+    let options = vug::convert::ImportOptions::default();
+    let mut source = vug::convert::import(&dir.join(name), &options).unwrap();
+    let e = source.reader.extent();
+    let depth = e.z.min(depth);
+    let from = (e.z - depth) / 2;
+    let mut grid = Grid::zeros(Extent { z: depth, ..e }, source.reader.sample_type()).unwrap();
+    source.reader.read_slab(from..from + depth, grid.bytes_mut()).unwrap();
+    grid
 }
