@@ -242,13 +242,13 @@ pub const REAL: [&str; 9] = [
     "tooth.nhdr",
 ];
 
-/// `depth` planes out of the middle of a real volume.
+/// At most `depth` planes, and 2 million voxels, out of the middle of a real volume.
 #[cfg(feature = "convert")]
 pub fn load(dir: &std::path::Path, name: &str, depth: u32) -> Grid {
     let options = vug::convert::ImportOptions::default();
     let mut source = vug::convert::import(&dir.join(name), &options).unwrap();
     let e = source.reader.extent();
-    let depth = e.z.min(depth);
+    let depth = e.z.min(depth).min((2 << 20) / (e.x * e.y));
     let from = (e.z - depth) / 2;
     let mut grid = Grid::zeros(Extent { z: depth, ..e }, source.reader.sample_type()).unwrap();
     source.reader.read_slab(from..from + depth, grid.bytes_mut()).unwrap();
