@@ -262,7 +262,7 @@ fn a_pair_is_two_files_and_the_header_comes_last() {
     let target = Target::of_path(Path::new("dir/a.nhdr")).unwrap();
     let mut parts = [Vec::new(), Vec::new()];
     for (i, part) in parts.iter_mut().enumerate() {
-        target.write(i, part, &grid(SampleType::U8), &info).unwrap();
+        target.write(i, &mut std::io::Cursor::new(part), &grid(SampleType::U8), &info).unwrap();
     }
     assert_eq!(parts[0], grid(SampleType::U8).bytes());
     assert!(String::from_utf8_lossy(&parts[1]).ends_with("data file: a.raw\n"));

@@ -1,7 +1,7 @@
 //! Bounds and rates of zerobit: held on every voxel, or refused with the reason.
 
 mod support;
-mod zerobit_support;
+mod zerobit_coding;
 
 use std::io::Cursor;
 use support::{ball, encode, hash, noise, open, verify};
@@ -199,8 +199,8 @@ fn auto_on_colours() {
 #[cfg(feature = "convert")]
 fn bounds_on_real_volumes() {
     let Some(dir) = support::data() else { return };
-    for name in zerobit_support::REAL {
-        let mut grid = zerobit_support::load(&dir, name, 12);
+    for name in zerobit_coding::REAL {
+        let mut grid = zerobit_coding::load(&dir, name, 12);
         let zerobit = ZerobitOptions { training: Training::MedianCut, ..ZerobitOptions::default() };
         for quality in [Quality::MaxError(Bound::Percent(8.0)), Quality::Psnr(36.0)] {
             outcome(name, &mut grid, &EncodeOptions { zerobit, ..with(quality) });

@@ -1,13 +1,13 @@
 //! Hard cases of codec zerobit on single unit blocks: streams, extremes of coefficients, samples and null values.
 
 mod support;
-mod zerobit_support;
+mod zerobit_coding;
 
 use support::noise;
 use vug::codec::Codec;
 use vug::codec::zerobit::{Book, Context, Stream, Word, bits::Popcount, unit};
 use vug::{Code, Extent, Grid, SampleType};
-use zerobit_support::{How, cell_of, cells, code, sample, unit_bytes};
+use zerobit_coding::{How, cell_of, cells, code, sample, unit_bytes};
 
 const UNIT: Extent = Extent::cube(16);
 const CELL: Extent = Extent::cube(4);

@@ -1,7 +1,7 @@
 //! Whole files of codec zerobit: one input, one file; every way of reading; what the report and the file say.
 
 mod support;
-mod zerobit_support;
+mod zerobit_coding;
 
 use proptest::prelude::*;
 use std::io::Cursor;

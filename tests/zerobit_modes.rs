@@ -1,13 +1,13 @@
 //! Voxel, plane and cell mode give the same bits and cost what the paper's Fig. 8 says; both counters of bits, both streams.
 
 mod support;
-mod zerobit_support;
+mod zerobit_coding;
 
 use support::{ball, hash};
 use vug::codec::zerobit::bits::{BitCount, CountTable, Popcount};
 use vug::codec::zerobit::{Book, Case, Coefficients, Context, Counts, Stream, Tally, Threshold, Word, unit};
 use vug::{Extent, Grid, SampleType};
-use zerobit_support::{Coded, How, cell_of, cells, code};
+use zerobit_coding::{Coded, How, cell_of, cells, code};
 
 fn at(k: usize) -> [u32; 3] {
     [k as u32 & 3, k as u32 >> 2 & 3, k as u32 >> 4]
@@ -242,8 +242,8 @@ fn an_old_cell_without_average() {
 #[cfg(feature = "convert")]
 fn modes_agree_on_real_volumes() {
     let Some(dir) = support::data() else { return };
-    for name in zerobit_support::REAL {
-        let grid = zerobit_support::load(&dir, name, 23);
+    for name in zerobit_coding::REAL {
+        let grid = zerobit_coding::load(&dir, name, 23);
         both(name, &grid, How::keep(30_000));
     }
 }

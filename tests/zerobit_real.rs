@@ -3,14 +3,14 @@
 #![cfg(feature = "convert")]
 
 mod support;
-mod zerobit_support;
+mod zerobit_coding;
 
 use vug::codec::zerobit::bits::Popcount;
 use vug::codec::zerobit::{Coefficients, Cut, Norm, Threshold, Training, Word, unit};
 use vug::metrics::{compare, error_stats};
 use vug::quantise::{Histogram, Tally, squared_error};
 use vug::{Extent, Grid, SampleType, haar};
-use zerobit_support::{Coded, How, REAL, code, load, numerators, size};
+use zerobit_coding::{Coded, How, REAL, code, load, numerators, size};
 
 const DEPTH: u32 = 32;
 

@@ -1,7 +1,7 @@
 //! Selective compression: cells that nobody wants are null, and the ratio to keep refers to the others.
 
 mod support;
-mod zerobit_support;
+mod zerobit_coding;
 
 use std::io::Cursor;
 use support::{encode, hash, noise, open, verify};

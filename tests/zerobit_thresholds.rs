@@ -1,7 +1,7 @@
 //! What the zerobit encoder keeps, computed a second time by brute force: thresholds, words, indices, ties.
 
 mod support;
-mod zerobit_support;
+mod zerobit_coding;
 
 use std::collections::BTreeMap;
 use support::{ball, hash, noise};
@@ -9,7 +9,7 @@ use vug::codec::zerobit::bits::Popcount;
 use vug::codec::zerobit::{Coefficients, Norm, Stream, Threshold, Training, Word, unit};
 use vug::quantise::{Tally, median_cut};
 use vug::{Extent, Grid, SampleType, haar};
-use zerobit_support::{Coded, How, cell_of, cells, code, nearest, numerators, size};
+use zerobit_coding::{Coded, How, cell_of, cells, code, nearest, numerators, size};
 
 /// Cells by first voxel: numerators of each component, and which coefficients are kept (bit p). Null cells are not there.
 type Kept = BTreeMap<[u32; 3], (Vec<[i32; 64]>, u64)>;

@@ -118,13 +118,15 @@ pub(super) enum NanArg {
     Null,
 }
 
-/// Turns a volume (raw, npy, NRRD, NIfTI) into a .vug file
+/// Turns a volume (raw, npy, NRRD, NIfTI, a folder of slices) into a .vug file
 #[derive(Args)]
 #[command(
     after_help = "Quality: give --index-bits and/or --block (s3dc), or --keep (zerobit), or exactly one of --max-error, --psnr, --rate.
 Without any: s3dc, 4 bits, blocks of 4×4×4, bricks of 64³, minmax; rgb8: raw. With a bound and no --codec: auto.
-Explicit settings read raw and npy sources slab by slab, once; bounds read them twice, auto once more; zerobit three
+Explicit settings read raw and npy sources and stacks slab by slab, once; bounds read them twice, auto once more; zerobit three
 times, and twice more for every ratio that a bound makes it try. NRRD and NIfTI that are compressed are held in memory.
+A folder is a stack of PNG, TIFF or JPEG slices of one size and type, in natural order (2 before
+10): 8- or 16-bit grey or 8-bit colour; TIFF also 32-bit and float grey, and pages as slices.
 
 Examples:
   vug encode head.nrrd head.vug
@@ -134,10 +136,11 @@ Examples:
   vug encode turb.raw turb.vug --shape 512,512,512 --dtype f32 --psnr 50
   vug encode colour.nrrd colour.vug --keep 3%         zerobit: the largest 3 % of the wavelet coefficients
   vug encode colour.nrrd colour.vug --codec zerobit --psnr 35
+  vug encode slices/ stack.vug --codec raw            slices/*.png, *.tif or *.jpg
   vug encode head.nrrd head.vug --no-zstd             to be mapped, or handed to the GPU as it is"
 )]
 pub(super) struct Encode {
-    /// Volume to read: .nrrd .nhdr .nii .nii.gz .hdr .npy .raw
+    /// Volume to read: .nrrd .nhdr .nii .nii.gz .hdr .npy .raw .tif, or a folder of .png, .tif or .jpg slices
     pub(super) source: PathBuf,
     /// File to write
     pub(super) target: PathBuf,
@@ -253,22 +256,31 @@ pub(super) enum StreamArg {
     Old,
 }
 
-/// Turns a .vug file back into a volume (NRRD, NIfTI, npy, raw, by the target's name)
+/// Turns a .vug file back into a volume (NRRD, NIfTI, npy, raw, slices, by the target's name)
 #[derive(Args)]
-#[command(after_help = "Examples:
+#[command(after_help = "Slices: a folder (slices/) takes 0000.png and so on; slice_####.tif says format and number.
+PNG holds u8, u16 and rgb8; TIFF all types, and all slices as pages of one file (stack.tif);
+JPEG u8 and rgb8, at quality 95: lossy. None of them keeps spacing.
+
+Examples:
   vug decode head.vug back.nrrd
   vug decode head.vug part.npy --region 0:64,0:64,10:20     x, y, z; the end is not included
   vug decode head.vug small.nii.gz --level 1
+  vug decode head.vug slices/                               or slices/s_####.tif
+  vug decode colour.vug small.nrrd --reduce 2               zerobit: a quarter of each axis, from the means it holds
   vug decode damaged.vug rest.nrrd --salvage                lost bricks become the null value; exit 1")]
 pub(super) struct Decode {
     /// .vug file
     pub(super) source: PathBuf,
-    /// File to write: .nrrd .nhdr .nii .nii.gz .hdr .npy .raw
+    /// File to write: .nrrd .nhdr .nii .nii.gz .hdr .npy .raw .tif; or slices: folder/, name_####.png .tif .jpg
     pub(super) target: PathBuf,
     /// Level of detail; 0 is the finest
     #[arg(long, value_name = "L", default_value = "0")]
     pub(super) level: u8,
-    /// Part to decode, in voxels of the level, half open
+    /// Halve the level's axes once or twice, from the means that zerobit bricks hold
+    #[arg(long, value_name = "STEPS", value_parser = clap::value_parser!(u8).range(1..=2), conflicts_with = "salvage")]
+    pub(super) reduce: Option<u8>,
+    /// Part to decode, in voxels of the level (after --reduce), half open
     #[arg(long, value_name = "X0:X1,Y0:Y1,Z0:Z1", value_parser = parse_region)]
     pub(super) region: Option<Region>,
     /// Decode what is whole of a damaged file; lost bricks become the null value and are listed
@@ -283,10 +295,16 @@ pub(super) struct Decode {
 
 /// Tells what a .vug file holds
 #[derive(Args)]
-#[command(after_help = "Examples:\n  vug info head.vug\n  vug info head.vug --json")]
+#[command(after_help = "Examples:
+  vug info head.vug
+  vug info head.vug --json
+  vug info colour.vug --codec-stats          zerobit: what was kept, null nodes, bytes of every part")]
 pub(super) struct Info {
     /// .vug file
     pub(super) file: PathBuf,
+    /// Look into every zerobit brick: ratios of kept coefficients and of null nodes, bytes of every part
+    #[arg(long)]
+    pub(super) codec_stats: bool,
     #[command(flatten)]
     pub(super) common: Common,
 }

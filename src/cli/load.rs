@@ -19,6 +19,9 @@ pub(super) struct Loaded {
 
 /// Whether the file starts as a `.vug` file does.
 pub(super) fn is_vug(path: &Path) -> Result<bool> {
+    if path.is_dir() {
+        return Ok(false); // slices of a stack
+    }
     let mut start = Vec::new();
     let file = std::fs::File::open(path).map_err(|e| Error::io(path.display(), e))?;
     file.take(MAGIC.len() as u64).read_to_end(&mut start).map_err(|e| Error::io(path.display(), e))?;

@@ -4,6 +4,7 @@
 //! memory are in the machine's byte order. Every fast path has a plain scalar twin, [`Codec::decode_plain`], that is
 //! always compiled and defines the result.
 
+mod prefetch;
 pub mod raw;
 pub mod s3dc;
 pub mod zerobit;
@@ -247,14 +248,7 @@ impl Codec {
                 }
             }
             Codec::S3dc(p) => s3dc::decode(&s3dc::pieces(p, bricks, dst.sample_type), dst, stores),
-            Codec::Zerobit(z) => {
-                let mut x = 0;
-                for b in bricks {
-                    let extent = b.region.extent();
-                    z.decode(b, dst.sub(&Region::at([x, 0, 0], extent)))?;
-                    x += extent.x;
-                }
-            }
+            Codec::Zerobit(z) => z.decode(bricks, dst, stores)?,
         }
         Ok(())
     }

@@ -78,7 +78,7 @@ impl Tables {
         }
         let mut contents: Vec<Content> = sections.into_iter().map(Content::Known).collect();
         contents.extend([Content::Refs, Content::Chunks]);
-        let books = options.codebooks.map(|books| codebooks(books)).transpose()?;
+        let books = options.codebooks.map(codebooks).transpose()?;
         let books = books.map(|section| {
             contents.push(Content::Known(section));
             contents.len() - 1
@@ -184,7 +184,7 @@ pub(super) fn content_id(vold: &[u8], pdir: &[u8], books: &[u8]) -> [u8; 16] {
 
 /// The `CBOK` section. // spec: ZBT-34
 fn codebooks((bytes, count): (Vec<u8>, u64)) -> Result<ExtraSection> {
-    if bytes.is_empty() || count == 0 {
+    if count == 0 {
         return Err(Error::param("codebooks", "a section of no codebooks is left out"));
     }
     limits::check("codebooks", count, limits::MAX_CODEBOOKS)?;

@@ -1,11 +1,13 @@
 //! Volumes to foreign files. The caller opens the files, so that it decides how they come into being.
 
-use super::{Format, fault, nifti, npy, nrrd};
+use super::{Format, fault, nifti, npy, nrrd, stack};
 use crate::affine::{Placement, ValueMap};
 use crate::error::{Error, Result};
+use crate::geometry::Extent;
 use crate::grid::Grid;
-use std::fs::File;
-use std::io::{BufWriter, Write};
+use crate::voxel::SampleType;
+use std::fs::{self, File};
+use std::io::{BufWriter, Seek, Write};
 use std::path::{Path, PathBuf};
 
 /// What is known about a volume beyond its samples.
@@ -32,6 +34,10 @@ enum Layout {
     Nifti,
     /// `.img` and `.hdr`.
     NiftiPair,
+    /// An image for each slice.
+    Slices(stack::Image),
+    /// One image with a page for each slice.
+    Pages(stack::Image),
 }
 
 /// Files to be written for one foreign volume.
@@ -43,13 +49,32 @@ pub struct Target {
     layout: Layout,
     gzip: bool,
     files: Vec<PathBuf>,
+    folder: Option<PathBuf>,
 }
 
 impl Target {
-    /// The target that a file name's ending stands for.
+    /// The target that a file name's ending stands for, for a volume of this size (x, y, z) and type.
+    ///
+    /// A folder, there or with a separator at its end, takes PNG slices `0000.png` and so on; in the name of an image,
+    /// `####` is the slice's number, in four digits or as many as are needed.
     ///
     /// # Errors
-    /// `E_UNSUPPORTED` for an unknown ending.
+    /// `E_UNSUPPORTED` for an unknown ending, and for images that cannot hold such slices; `E_PARAM` where a name cannot
+    /// stand for all slices, or a folder holds other images; `E_SOURCE` where it cannot be read.
+    pub fn of_volume(path: &Path, extent: Extent, sample_type: SampleType) -> Result<Target> {
+        if let Some(named) = stack::named(path, extent.z)? {
+            stack::check(path, named.image, extent, sample_type)?;
+            let single = named.files.len() == 1;
+            let layout = if single { Layout::Pages(named.image) } else { Layout::Slices(named.image) };
+            return Ok(Target { layout, gzip: false, files: named.files, folder: Some(named.folder) });
+        }
+        Target::of_path(path)
+    }
+
+    /// As [`Target::of_volume`], for the formats that hold volumes of any size; a stack of images is none of them.
+    ///
+    /// # Errors
+    /// `E_UNSUPPORTED` for any other ending.
     pub fn of_path(path: &Path) -> Result<Target> {
         let unknown = || {
             let message = format!("the name's ending is none of those that can be written: {}", Format::ENDINGS);
@@ -72,14 +97,21 @@ impl Target {
             (Format::Nifti, _) => {
                 (Layout::NiftiPair, vec![path.to_owned(), beside(if gzip { ".hdr.gz" } else { ".hdr" })])
             }
+            (Format::Stack, _) => return Err(unknown()),
         };
-        Ok(Target { layout, gzip, files })
+        Ok(Target { layout, gzip, files, folder: None })
     }
 
     /// All files of this target, in the order in which they should appear.
     #[must_use]
     pub fn files(&self) -> &[PathBuf] {
         &self.files
+    }
+
+    /// The folder of the slices, where the target is a stack of images. It has to be there before they are written.
+    #[must_use]
+    pub fn folder(&self) -> Option<&Path> {
+        self.folder.as_deref().filter(|f| !f.as_os_str().is_empty())
     }
 
     /// Writes file `index` of [`Target::files`] to `out`. Each call is complete in itself; buffering is the caller's.
@@ -89,7 +121,7 @@ impl Target {
     ///
     /// # Panics
     /// Where there is no such file.
-    pub fn write(&self, index: usize, out: &mut dyn Write, grid: &Grid, info: &ExportInfo<'_>) -> Result<()> {
+    pub fn write<W: Write + Seek>(&self, index: usize, out: &mut W, grid: &Grid, info: &ExportInfo<'_>) -> Result<()> {
         let path = &self.files[index];
         let header = index + 1 == self.files.len();
         let written = match self.layout {
@@ -106,6 +138,8 @@ impl Target {
                 };
                 nifti::write(out, grid, info, part, self.gzip)
             }
+            Layout::Slices(image) => stack::write(image, out, grid, Some(index as u32)),
+            Layout::Pages(image) => stack::write(image, out, grid, None),
         };
         written.map_err(|e| fault::io(path, e))
     }
@@ -137,9 +171,12 @@ pub(super) fn write_samples(out: &mut dyn Write, grid: &Grid) -> std::io::Result
 /// through [`Target`] and brings its own way of creating them.
 ///
 /// # Errors
-/// As [`Target::of_path`] and [`Target::write`].
+/// As [`Target::of_volume`] and [`Target::write`].
 pub fn export(path: &Path, grid: &Grid, info: &ExportInfo<'_>) -> Result<()> {
-    let target = Target::of_path(path)?;
+    let target = Target::of_volume(path, grid.extent(), grid.sample_type())?;
+    if let Some(folder) = target.folder() {
+        fs::create_dir_all(folder).map_err(|e| fault::io(folder, e))?;
+    }
     for (i, file) in target.files().iter().enumerate() {
         let mut out = BufWriter::new(File::create(file).map_err(|e| fault::io(file, e))?);
         target.write(i, &mut out, grid, info)?;
@@ -162,12 +199,15 @@ mod tests {
             ("d/a.hdr", vec!["d/a.img", "d/a.hdr"]),
             ("d/a.img", vec!["d/a.img", "d/a.hdr"]),
             ("d/a.img.gz", vec!["d/a.img.gz", "d/a.hdr.gz"]),
+            ("d/a.tif", vec!["d/a.tif"]),
+            ("d/a_#.png", vec!["d/a_0.png", "d/a_1.png"]),
+            ("none/", vec!["none/0000.png", "none/0001.png"]),
         ] {
-            let target = Target::of_path(Path::new(name)).unwrap();
+            let target = Target::of_volume(Path::new(name), Extent::cube(2), SampleType::U8).unwrap();
             assert_eq!(target.files(), files.iter().map(PathBuf::from).collect::<Vec<_>>(), "{name}");
         }
-        for bad in ["a", "a.vug", "a.gz", "a.raw.gz", ".."] {
-            assert!(Target::of_path(Path::new(bad)).is_err(), "{bad}");
+        for bad in ["a", "a.vug", "a.gz", "a.raw.gz", "a.png"] {
+            assert!(Target::of_volume(Path::new(bad), Extent::cube(2), SampleType::U8).is_err(), "{bad}");
         }
     }
 }

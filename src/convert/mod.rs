@@ -1,4 +1,4 @@
-//! Foreign files to volumes and back: raw, npy, NRRD, NIfTI (spec chapter 4 says what placement and value map mean).
+//! Foreign files to volumes and back: raw, npy, NRRD, NIfTI, stacks of images (spec chapter 4 says what placement and value map mean).
 //!
 //! Reading delivers samples slab by slab, unpacked files whole. Everything that a header states is checked against the
 //! caps and against the length of the data before memory is taken for it. What a format can say and Vug cannot hold yet
@@ -13,6 +13,7 @@ mod npy;
 mod nrrd;
 mod payload;
 mod raw;
+mod stack;
 mod stored;
 
 pub use export::{ExportInfo, Target, export};
@@ -36,15 +37,21 @@ pub enum Format {
     Nrrd,
     /// NIfTI-1 or NIfTI-2: `.nii`, `.nii.gz`, or a pair of `.hdr` and `.img` (or `.img.gz`).
     Nifti,
+    /// Images as slices: a folder of them, `.png`, `.tif`, `.tiff` (a page is a slice), `.jpg`, `.jpeg`.
+    Stack,
 }
 
 impl Format {
     /// File name endings, for messages.
-    pub const ENDINGS: &'static str = ".raw .bin .npy .nrrd .nhdr .nii .nii.gz .hdr .hdr.gz .img .img.gz";
+    pub const ENDINGS: &'static str =
+        ".raw .bin .npy .nrrd .nhdr .nii .nii.gz .hdr .hdr.gz .img .img.gz .png .tif .tiff .jpg .jpeg";
 
-    /// The format that a file name's ending stands for.
+    /// The format that a file name's ending stands for; a folder that exists is a stack of images.
     #[must_use]
     pub fn of_path(path: &Path) -> Option<Format> {
+        if path.is_dir() || stack::Image::of_path(path).is_some() {
+            return Some(Format::Stack);
+        }
         let name = path.file_name()?.to_string_lossy().to_ascii_lowercase();
         let ends = |endings: &[&str]| endings.iter().any(|e| name.ends_with(e));
         if ends(&[".raw", ".bin"]) {
@@ -68,6 +75,7 @@ impl Format {
             Format::Npy => "npy",
             Format::Nrrd => "NRRD",
             Format::Nifti => "NIfTI",
+            Format::Stack => "image stack",
         }
     }
 }
@@ -81,7 +89,7 @@ pub struct ImportOptions {
     pub dtype: Option<SampleType>,
     /// Type and byte order that a raw file stores; `None` means `dtype`, little endian. All others ignore it.
     pub raw_dtype: Option<Stored>,
-    /// Most bytes that a packed file may unpack to.
+    /// Most bytes that a packed file, or a slice of a stack, may unpack to.
     pub max_bytes: u64,
 }
 
@@ -108,7 +116,7 @@ pub struct Import {
     pub streamed: bool,
 }
 
-/// Opens a foreign file by the ending of its name.
+/// Opens a foreign file by the ending of its name, or a folder of images.
 ///
 /// # Errors
 /// `E_UNSUPPORTED` for an unknown ending and for valid files that Vug cannot represent, `E_FOREIGN` for malformed ones,
@@ -120,10 +128,14 @@ pub fn import(path: &Path, options: &ImportOptions) -> Result<Import> {
         Some(Format::Npy) => npy::import(path, options),
         Some(Format::Nrrd) => nrrd::import(path, options),
         Some(Format::Nifti) => nifti::import(path, options),
+        Some(Format::Stack) => stack::import(path, options),
         None => Err(fault::unsupported(
             path,
             "format",
-            format!("the name's ending is none of those that are understood: {}", Format::ENDINGS),
+            format!(
+                "the name's ending is none of those that are understood: {}; or name a folder of images",
+                Format::ENDINGS
+            ),
         )),
     }
 }
@@ -143,13 +155,16 @@ mod tests {
             ("a.nii.gz", Some(Format::Nifti)),
             ("a.img.gz", Some(Format::Nifti)),
             ("a.gz", None),
+            ("s_####.TIFF", Some(Format::Stack)),
+            ("a.jpeg", Some(Format::Stack)),
+            ("src", Some(Format::Stack)),
             ("raw", None),
             ("a.raw/", Some(Format::Raw)),
             ("", None),
         ] {
             assert_eq!(Format::of_path(Path::new(name)), format, "{name}");
         }
-        let e = import(Path::new("a.tiff"), &ImportOptions::default()).err().unwrap();
-        assert!(e.message().contains("a.tiff") && e.message().contains(".nrrd"), "{e}");
+        let e = import(Path::new("a.gif"), &ImportOptions::default()).err().unwrap();
+        assert!(e.message().contains("a.gif") && e.message().contains(".nrrd"), "{e}");
     }
 }

@@ -1,5 +1,6 @@
 //! Where the samples of a foreign file lie, and the slab reader over them.
 
+use super::stack::Stack;
 use super::stored::{Kind, Stored};
 use super::{fault, narrow};
 use crate::error::{Code, Error, Result};
@@ -59,6 +60,8 @@ pub(super) enum Bytes {
     File { file: File, path: PathBuf, start: u64 },
     /// Unpacked.
     Memory(AlignedBytes),
+    /// In images that are decoded as they are wanted, in this machine's byte order.
+    Stack(Box<Stack>),
 }
 
 impl Bytes {
@@ -77,6 +80,7 @@ impl Bytes {
                 out.copy_from_slice(part);
                 Ok(())
             }
+            Bytes::Stack(stack) => stack.read_at(offset, out),
         }
     }
 }
@@ -108,7 +112,7 @@ impl Payload {
                 Ok((Box::new(Grid::from_aligned(extent, target, memory)?), false))
             }
             bytes => {
-                let streamed = matches!(bytes, Bytes::File { .. });
+                let streamed = !matches!(bytes, Bytes::Memory(_));
                 Ok((Box::new(Slabs { bytes, stored, extent, target, buffer: Vec::new() }), streamed))
             }
         }

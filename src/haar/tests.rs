@@ -79,9 +79,9 @@ fn checkerboard() {
         let board = cell(|c| if (c[0] + c[1] + c[2]) % 2 == odd { 255 } else { 0 });
         let numerators = forward(&board);
         assert_eq!(numerators[0], 64 * 255 / 2);
-        for p in 1..CELL {
+        for (p, &numerator) in numerators.iter().enumerate().skip(1) {
             let hhh = if p >= 8 && (p - 1) % 7 == 6 { 8 * 255 / 2 } else { 0 };
-            assert_eq!(numerators[p], if odd == 0 { hhh } else { -hhh });
+            assert_eq!(numerator, if odd == 0 { hhh } else { -hhh });
         }
         let words: [i32; CELL] = std::array::from_fn(|p| quantised(p, numerators[p]));
         assert_eq!((words[0], words[14]), (128, if odd == 0 { 128 } else { -127 }));

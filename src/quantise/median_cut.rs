@@ -84,11 +84,9 @@ fn boxes(entries: &mut [Entry], most: usize) -> Vec<Part> {
 }
 
 fn representative(entries: &[Entry]) -> Vector {
-    let mut sum = [0i128; 3];
+    let mut sum = [0; 3];
     for e in entries {
-        for c in 0..3 {
-            sum[c] += i128::from(e.vector[c]) * i128::from(e.count);
-        }
+        sum = std::array::from_fn(|c| sum[c] + i128::from(e.vector[c]) * i128::from(e.count));
     }
     mean(sum, population(entries))
 }

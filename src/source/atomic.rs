@@ -14,7 +14,8 @@ pub const TEMPORARY_SUFFIX: &str = ".vug-tmp";
 /// process ends, however it ends. A temporary without a lock is therefore a dead one, and the next writer of the same
 /// destination removes it.
 pub struct AtomicFile {
-    file: File,
+    /// `None` once it has been parked.
+    file: Option<File>,
     temporary: PathBuf,
     destination: PathBuf,
     overwrite: bool,
@@ -42,10 +43,37 @@ impl AtomicFile {
             };
             // Between creation and lock another writer may have taken it for a dead one and removed it: then try again.
             if file.try_lock().is_ok() && temporary.exists() {
-                return Ok(AtomicFile { file, temporary, destination, overwrite, committed: false });
+                return Ok(AtomicFile { file: Some(file), temporary, destination, overwrite, committed: false });
             }
         }
         Err(Error::new(Code::Source, "path", format!("no free temporary name beside {}", destination.display())))
+    }
+
+    /// Whether `destination` may be written at all; asked before the work is done whose result it is to hold.
+    ///
+    /// # Errors
+    /// As [`AtomicFile::create`].
+    pub fn check(destination: impl AsRef<Path>, overwrite: bool) -> Result<()> {
+        check_destination(&resolve(destination.as_ref())?, overwrite)
+    }
+
+    /// The file's bytes are on disk and the file is closed when this returns; all that is left to do is to commit it. For
+    /// those who write more files than a process may hold open. It is no longer locked, so another writer of the same
+    /// destination may take it for a dead one; committing it then fails.
+    ///
+    /// # Errors
+    /// `E_SOURCE`.
+    pub fn park(&mut self) -> Result<()> {
+        let fail = |e| Error::io(format!("cannot write {}", self.destination.display()), e);
+        if let Some(mut file) = self.file.take() {
+            file.flush().map_err(fail)?;
+            file.sync_all().map_err(fail)?;
+        }
+        Ok(())
+    }
+
+    fn open(&mut self) -> io::Result<&mut File> {
+        self.file.as_mut().ok_or_else(|| io::Error::other("the file is closed"))
     }
 
     /// The file's bytes are on disk and under the destination's name when this returns.
@@ -54,8 +82,10 @@ impl AtomicFile {
     /// `E_SOURCE`, or `E_PARAM` where the name was taken meanwhile; the destination is then what it was before.
     pub fn commit(mut self) -> Result<()> {
         let fail = |e| Error::io(format!("cannot write {}", self.destination.display()), e);
-        self.file.flush().map_err(fail)?;
-        self.file.sync_all().map_err(fail)?;
+        if let Some(file) = &mut self.file {
+            file.flush().map_err(fail)?;
+            file.sync_all().map_err(fail)?;
+        }
         if self.overwrite {
             fs::rename(&self.temporary, &self.destination).map_err(fail)?;
         } else {
@@ -86,22 +116,22 @@ impl Drop for AtomicFile {
 
 impl Write for AtomicFile {
     fn write(&mut self, buf: &[u8]) -> io::Result<usize> {
-        self.file.write(buf)
+        self.open()?.write(buf)
     }
     fn flush(&mut self) -> io::Result<()> {
-        self.file.flush()
+        self.file.as_mut().map_or(Ok(()), File::flush)
     }
 }
 
 impl Read for AtomicFile {
     fn read(&mut self, buf: &mut [u8]) -> io::Result<usize> {
-        self.file.read(buf)
+        self.open()?.read(buf)
     }
 }
 
 impl Seek for AtomicFile {
     fn seek(&mut self, pos: SeekFrom) -> io::Result<u64> {
-        self.file.seek(pos)
+        self.open()?.seek(pos)
     }
 }
 

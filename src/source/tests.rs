@@ -84,3 +84,22 @@ fn two_writers_without_force_do_not_replace_each_other() {
     assert_eq!(two.commit().unwrap_err().code(), Code::Param);
     assert_eq!(names(folder.path()), ["a.vug"]);
 }
+
+#[test]
+fn a_parked_file_waits_closed_until_it_is_committed() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.png");
+    let write = || {
+        let mut file = AtomicFile::create(&path, false).unwrap();
+        file.write_all(b"one").unwrap();
+        file.park().unwrap();
+        file.park().unwrap();
+        assert!(file.write_all(b"two").is_err() && file.flush().is_ok(), "it is closed");
+        file
+    };
+    drop(write());
+    assert!(names(folder.path()).is_empty(), "an abandoned temporary is removed");
+    write().commit().unwrap();
+    assert_eq!(std::fs::read(&path).unwrap(), b"one");
+    assert!(AtomicFile::check(&path, false).is_err() && AtomicFile::check(&path, true).is_ok());
+}

@@ -4,7 +4,7 @@ use super::bricks::{Found, Payload};
 use super::codecs::Entry;
 use super::open::Volume;
 use super::{At, Axis};
-use crate::codec::{BrickPart, Codec, Stores};
+use crate::codec::{BrickPart, Codec, Stores, zerobit};
 use crate::container::NodeKind;
 use crate::error::{Code, Error, Result};
 use crate::geometry::{Coord, Extent, Region};
@@ -25,19 +25,19 @@ const STREAMING_BYTES: usize = 8 << 20;
 const STAGE_BYTES: u64 = 256 << 20;
 
 /// What fills a part of the region.
-enum Content<'a> {
+pub(super) enum Content<'a> {
     Constant(SampleValue),
     Stored { entry: &'a Entry, layout: usize, extent: Extent, payload: Option<Payload<'a>> },
 }
 
 /// One brick's share of a region.
-struct Part<'a> {
+pub(super) struct Part<'a> {
     /// First voxel of the brick, in the level's voxels.
-    origin: Coord,
+    pub(super) origin: Coord,
     found: Found<'a>,
-    content: Content<'a>,
+    pub(super) content: Content<'a>,
     /// The wanted part of the brick, in the level's voxels.
-    region: Region,
+    pub(super) region: Region,
 }
 
 impl Volume {
@@ -85,7 +85,8 @@ impl Volume {
 
     /// Reads the coding block that holds voxel `c`, cropped to its brick. Its region comes along.
     ///
-    /// Where the brick's codec has no blocks (`raw`, CONSTANT, EMPTY), the block is the brick.
+    /// A block of zerobit is a unit block of 16³ voxels; its cells of 4³ are [`Volume::cell`]'s. Where the brick's codec
+    /// has no blocks (`raw`, CONSTANT, EMPTY), the block is the brick.
     ///
     /// # Errors
     /// As [`Volume::read_region`].
@@ -94,14 +95,27 @@ impl Volume {
         let brick = c.map(|v| v >> self.info().brick_log2);
         let found = self.find(self.tree(at)?, at.lod, brick)?;
         let mut region = self.head.octree.brick_region(at.lod, brick);
-        if found.node().kind == NodeKind::Stored
-            && let Codec::S3dc(params) = self.codec_of(found.node(), at.lod, brick)?.0.codec()
-        {
-            let block = params.block();
-            let b = block.to_array();
-            let start = std::array::from_fn(|a| region.start[a] + (c[a] - region.start[a]) / b[a] * b[a]);
-            region = Region::at(start, block).intersect(&region);
+        if found.node().kind == NodeKind::Stored {
+            let block = match self.codec_of(found.node(), at.lod, brick)?.0.codec() {
+                Codec::S3dc(params) => params.block(),
+                Codec::Zerobit(_) => Extent::cube(zerobit::UNIT_EDGE),
+                Codec::Raw => region.extent(),
+            };
+            region = box_at(&region, block, c);
         }
+        Ok((region, self.read_region(at, region)?))
+    }
+
+    /// Reads the cell of 4³ voxels that holds voxel `c`, cropped to its brick. Its region comes along.
+    ///
+    /// That is the smallest unit that zerobit decodes at once (the paper's cell mode); other codecs give the same box.
+    ///
+    /// # Errors
+    /// As [`Volume::read_region`].
+    pub fn cell(&self, at: At, c: Coord) -> Result<(Region, Grid)> {
+        Region::at(c, Extent::cube(1)).check(self.extent_at(at)?)?;
+        let brick = self.head.octree.brick_region(at.lod, c.map(|v| v >> self.info().brick_log2));
+        let region = box_at(&brick, Extent::cube(zerobit::CELL_EDGE), c);
         Ok((region, self.read_region(at, region)?))
     }
 
@@ -151,7 +165,7 @@ impl Volume {
     }
 
     /// Fetches as many whole layers of bricks from plane `z` on as fit the staging budget (at least one).
-    fn stage(&self, at: At, region: &Region, z: u32) -> Result<(Vec<Part<'_>>, u32)> {
+    pub(super) fn stage(&self, at: At, region: &Region, z: u32) -> Result<(Vec<Part<'_>>, u32)> {
         let tree = self.tree(at)?;
         let log2 = self.info().brick_log2;
         let mut parts = Vec::new();
@@ -240,6 +254,13 @@ impl Volume {
     }
 }
 
+/// The box of a grid of `block`s from the brick's first voxel on that holds `c`, cropped to the brick.
+fn box_at(brick: &Region, block: Extent, c: Coord) -> Region {
+    let b = block.to_array();
+    let start = std::array::from_fn(|a| brick.start[a] + (c[a] - brick.start[a]) / b[a] * b[a]);
+    Region::at(start, block).intersect(brick)
+}
+
 fn copied_bytes(part: &Part<'_>) -> u64 {
     match &part.content {
         Content::Stored { payload: Some(Payload::Shared(bytes)), .. } => bytes.len() as u64,
@@ -296,13 +317,7 @@ fn run_len(parts: &[(&Part<'_>, Region)]) -> usize {
 fn decode_run(run: &[(&Part<'_>, Region)], mut dst: ViewMut<'_>, stores: Stores) -> Result<()> {
     match &run[0].0.content {
         Content::Constant(value) => {
-            match *value {
-                SampleValue::U8(v) => dst.fill(v),
-                SampleValue::U16(v) => dst.fill(v),
-                SampleValue::I16(v) => dst.fill(v),
-                SampleValue::F32(v) => dst.fill(v),
-                SampleValue::Rgb8(v) => dst.fill(v),
-            }
+            fill(&mut dst, *value);
             Ok(())
         }
         Content::Stored { entry, .. } => {
@@ -317,6 +332,17 @@ fn decode_run(run: &[(&Part<'_>, Region)], mut dst: ViewMut<'_>, stores: Stores)
                 .collect();
             entry.codec().decode_run(&bricks, dst, stores)
         }
+    }
+}
+
+/// Fills all voxels with one value of their type.
+pub(super) fn fill(dst: &mut ViewMut<'_>, value: SampleValue) {
+    match value {
+        SampleValue::U8(v) => dst.fill(v),
+        SampleValue::U16(v) => dst.fill(v),
+        SampleValue::I16(v) => dst.fill(v),
+        SampleValue::F32(v) => dst.fill(v),
+        SampleValue::Rgb8(v) => dst.fill(v),
     }
 }
 

@@ -1,10 +1,12 @@
 //! Single voxels and batches of them.
 
-use super::At;
+use super::cells::Cells;
 use super::open::Volume;
 use super::pages::{Known, PageSlot};
 use super::shortcut::Shortcut;
+use super::{At, Axis};
 use crate::codec::s3dc;
+use crate::codec::zerobit::{self, BrickReader};
 use crate::container::NodeKind;
 use crate::error::{Error, Result};
 use crate::geometry::{Coord, Extent, Region};
@@ -47,6 +49,7 @@ impl Volume {
     pub fn sampler<T: Sample>(&self, at: At) -> Result<Sampler<'_, T>> {
         let mut sampler = self.bare_sampler(at)?;
         sampler.shortcut = Shortcut::new(self, at.lod);
+        sampler.cells = Cells::new(self, at.lod);
         Ok(sampler)
     }
 
@@ -70,6 +73,7 @@ impl Volume {
             slots: slots.map_err(|e| self.replaced_or(e))?.unwrap_or_default(),
             file: self.source.as_slice().unwrap_or_default(),
             shortcut: Shortcut::default(),
+            cells: Cells::default(),
             sample: PhantomData,
         })
     }
@@ -112,6 +116,7 @@ pub struct Sampler<'a, T> {
     /// The whole file, where it lies in memory.
     file: &'a [u8],
     shortcut: Shortcut,
+    cells: Cells<'a>,
     sample: PhantomData<T>,
 }
 
@@ -125,8 +130,13 @@ impl<'a, T: Sample> Sampler<'a, T> {
     #[inline(always)]
     pub fn get(&self, c: Coord) -> Result<T> {
         // The usual layout apart, down to the sample: every number of it is then a constant.
-        if let Some((n, point)) = self.shortcut.usual_point::<T>(c) {
+        if !matches!(T::TYPE, SampleType::Rgb8)
+            && let Some((n, point)) = self.shortcut.usual_point::<T>(c)
+        {
             return Ok(s3dc_voxel(self.file, n, point));
+        }
+        if let Some((reader, local)) = self.cells.find(c) {
+            return Ok(reader.voxel(local));
         }
         match self.direct(c) {
             Some((n, point)) => Ok(s3dc_voxel(self.file, n, point)),
@@ -142,6 +152,9 @@ impl<'a, T: Sample> Sampler<'a, T> {
         if coords.len() != out.len() {
             return Err(Error::param("out", format!("{} places for {} voxels", out.len(), coords.len())));
         }
+        if !self.cells.is_empty() {
+            return self.get_many_cells(coords, out);
+        }
         // Indices per word; 0 where the voxel takes the long way.
         let mut words = [0; AHEAD];
         let mut points = [s3dc::Point::default(); AHEAD];
@@ -155,6 +168,88 @@ impl<'a, T: Sample> Sampler<'a, T> {
             }
             for (((value, &n), &point), &c) in out.iter_mut().zip(&words).zip(&points).zip(coords) {
                 *value = if n > 0 { s3dc_voxel(self.file, n, point) } else { self.indirect(c)? };
+            }
+        }
+        Ok(())
+    }
+
+    /// [`Sampler::get_many`] of a zerobit level.
+    fn get_many_cells(&self, coords: &[Coord], out: &mut [T]) -> Result<()> {
+        let mut readers: Vec<BrickReader<'_>> = Vec::with_capacity(zerobit::AHEAD);
+        let mut locals = [Coord::default(); zerobit::AHEAD];
+        let (mut coords, mut out) = (coords, out);
+        while !coords.is_empty() {
+            let most = coords.len().min(zerobit::AHEAD);
+            readers.clear();
+            for (local, &c) in locals.iter_mut().zip(&coords[..most]) {
+                let Some((reader, l)) = self.cells.find(c) else { break };
+                *local = l;
+                readers.push(reader);
+            }
+            let mut known = readers.len();
+            BrickReader::voxels(&readers, &locals[..known], &mut out[..known]);
+            if known < most {
+                out[known] = self.get(coords[known])?;
+                known += 1;
+            }
+            coords = &coords[known..];
+            out = &mut out[known..];
+        }
+        Ok(())
+    }
+
+    /// The 64 voxels of the cell of 4³ voxels that holds `c`, x fastest, then y, then z; those outside the volume are
+    /// unspecified. Fast for zerobit, whose cells they are (cell mode of the paper); right for every codec.
+    ///
+    /// # Errors
+    /// As [`Volume::voxel`].
+    #[inline]
+    pub fn cell(&self, c: Coord, out: &mut [T; 64]) -> Result<()> {
+        if let Some((reader, local)) = self.cells.find(c) {
+            reader.cell(local, out);
+            return Ok(());
+        }
+        let first = c.map(|v| v & !3);
+        self.get(c)?; // the brick is known now, or never
+        if let Some((reader, local)) = self.cells.find(c) {
+            reader.cell(local, out);
+            return Ok(());
+        }
+        self.gather(out, |i| [first[0] + (i & 3), first[1] + (i >> 2 & 3), first[2] + (i >> 4)])
+    }
+
+    /// The 16 voxels of that cell whose coordinate along `axis` is that of `c`; the lower of the other axes fastest (plane
+    /// mode of the paper).
+    ///
+    /// # Errors
+    /// As [`Volume::voxel`].
+    #[inline]
+    pub fn plane(&self, axis: Axis, c: Coord, out: &mut [T; 16]) -> Result<()> {
+        if let Some((reader, local)) = self.cells.find(c) {
+            reader.plane(axis as usize, local, out);
+            return Ok(());
+        }
+        self.get(c)?;
+        if let Some((reader, local)) = self.cells.find(c) {
+            reader.plane(axis as usize, local, out);
+            return Ok(());
+        }
+        let first = c.map(|v| v & !3);
+        self.gather(out, |i| {
+            let mut at = c;
+            for (axis, step) in (0..3).filter(|&a| a != axis as usize).zip([i & 3, i >> 2]) {
+                at[axis] = first[axis] + step;
+            }
+            at
+        })
+    }
+
+    /// Voxel by voxel, as far as the volume goes.
+    fn gather(&self, out: &mut [T], at: impl Fn(u32) -> Coord) -> Result<()> {
+        for (i, value) in (0..).zip(out) {
+            let c = at(i);
+            if self.extent.contains(c) {
+                *value = self.get(c)?;
             }
         }
         Ok(())
@@ -193,7 +288,11 @@ impl<'a, T: Sample> Sampler<'a, T> {
     fn indirect(&self, c: Coord) -> Result<T> {
         match self.known(c).and_then(Known::as_constant) {
             Some(raw) => Ok(bytemuck::pod_read_unaligned(&raw.to_ne_bytes()[native(T::TYPE)])),
-            None => self.volume.fetch_voxel(self.at, self.tree, c),
+            None => {
+                let value = self.volume.fetch_voxel(self.at, self.tree, c)?;
+                self.cells.learn(self.volume, self.tree, self.at.lod, c)?;
+                Ok(value)
+            }
         }
     }
 }

@@ -1,256 +1,340 @@
-//! Helpers of the zerobit tests: encoding bricks without a file, cells made of coefficients, and slow twins of what the
-//! codec does.
-#![allow(dead_code, reason = "each test binary uses its own part")]
+//! Zerobit payloads, codebooks and files made by hand, without the encoder: tests then judge what the format says.
+#![allow(dead_code, reason = "every test binary uses its own part")]
 
+use std::collections::BTreeMap;
+use std::io::Cursor;
 use std::sync::Arc;
 use vug::codec::Codec;
-use vug::codec::zerobit::{
-    Book, CELL_EDGE, Coder, Cut, KEEP_ALL, Layout, Norm, Params, Plan, RankSearch, Stream, Survey, Threshold, Trainer,
-    Training, UNIT_EDGE, Word, Zerobit,
-};
-use vug::haar;
-use vug::voxel::{Sample, SampleValue};
-use vug::{Extent, Grid, Region, SampleType};
+use vug::codec::zerobit::bits::Popcount;
+use vug::codec::zerobit::{Book, Coefficients, Layout, Params, Stream, Word, Zerobit, unit};
+use vug::container::{CodecEntry, FileWriter, FinishOptions, Node, NodeFlags, VolumeDescriptor};
+use vug::geometry::{Extent, Region};
+use vug::grid::{Grid, ViewMut};
+use vug::metrics::value_range;
+use vug::voxel::{SampleType, SampleValue};
 
-/// Voxels of a brick along each axis.
-pub const BRICK: u32 = 64;
+pub const TYPES: [SampleType; 4] = [SampleType::U8, SampleType::U16, SampleType::I16, SampleType::Rgb8];
 
-/// How to encode.
-#[derive(Clone, Copy, Debug)]
-pub struct How {
-    pub keep: u32,
-    pub stream: Stream,
-    pub threshold: Threshold,
-    pub norm: Norm,
-    pub training: Training,
-    /// Null value, of all components.
-    pub null: i32,
+/// A small generator, the same everywhere.
+pub struct Random(pub u64);
+
+impl Random {
+    pub fn word(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let z = (self.0 ^ self.0 >> 30).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        let z = (z ^ z >> 27).wrapping_mul(0x94D0_49BB_1331_11EB);
+        z ^ z >> 31
+    }
+
+    pub fn below(&mut self, n: usize) -> usize {
+        (self.word() % n as u64) as usize
+    }
+
+    pub fn bytes(&mut self, len: usize) -> Vec<u8> {
+        (0..len).map(|_| self.word() as u8).collect()
+    }
 }
 
-impl How {
-    /// This many millionths of the coefficients, all else as usual.
-    pub fn keep(keep: u32) -> How {
-        How {
-            keep,
-            stream: Stream::default(),
-            threshold: Threshold::default(),
-            norm: Norm::default(),
-            training: Training::default(),
-            null: 0,
+/// A stored cell: index of its average (only the old stream can do without), and those of details by (node, detail): node 0 is level 0, 1 to 8 are level 1.
+#[derive(Clone, Debug, Default)]
+pub struct CellSpec {
+    pub average: Option<u8>,
+    pub details: BTreeMap<(u8, u8), u8>,
+}
+
+impl CellSpec {
+    pub fn new(average: u8, details: &[((u8, u8), u8)]) -> CellSpec {
+        CellSpec { average: Some(average), details: details.iter().copied().collect() }
+    }
+
+    fn node(&self, i: u8) -> Vec<u8> {
+        self.details.keys().filter(|k| k.0 == i).map(|k| k.1).collect()
+    }
+}
+
+/// Cells of a unit block by number; the others are null.
+pub type UnitSpec = BTreeMap<u8, CellSpec>;
+
+/// The bytes of a unit block of the new stream, padded.
+pub fn new_unit(cells: &UnitSpec) -> Vec<u8> {
+    let cbft = cells.keys().fold(0u64, |all, n| all | 1 << n);
+    let (mut offsets, mut averages, mut zsms, mut dis) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    for cell in cells.values() {
+        let nodes: Vec<u8> = (1..=8).filter(|&i| !cell.node(i).is_empty()).collect();
+        let level_0 = u32::from(!cell.node(0).is_empty());
+        offsets.extend((dis.len() as u32 | (zsms.len() as u32 | level_0 << 15) << 16).to_le_bytes());
+        averages.push(cell.average.expect("the new stream has one for every cell"));
+        zsms.push(nodes.iter().fold(0u8, |byte, i| byte | 1 << (8 - i)));
+        for i in (0..=8).filter(|&i| !cell.node(i).is_empty()) {
+            let flag = if i == 0 { 0x80 } else { 0 };
+            zsms.push(cell.node(i).iter().fold(flag, |map, j| map | 1 << (7 - j)));
         }
+        dis.extend(cell.details.values());
     }
-
-    pub fn all() -> How {
-        How::keep(KEEP_ALL)
-    }
-
-    pub fn codec(self, t: SampleType) -> Zerobit {
-        let mut params = Params::new(self.keep).unwrap();
-        (params.threshold, params.norm, params.training) = (self.threshold, self.norm, self.training);
-        Zerobit::new(self.stream, params, sample(t, [self.null; 3]))
-    }
+    let mut bytes = cbft.to_le_bytes().to_vec();
+    [offsets, averages, zsms, dis].iter().for_each(|part| bytes.extend(part));
+    bytes.resize(bytes.len().next_multiple_of(4), 0);
+    bytes
 }
 
-/// A value of type `t`.
-pub fn sample(t: SampleType, v: [i32; 3]) -> SampleValue {
-    match t {
-        SampleType::U8 => SampleValue::U8(v[0] as u8),
-        SampleType::U16 => SampleValue::U16(v[0] as u16),
-        SampleType::I16 => SampleValue::I16(v[0] as i16),
-        SampleType::F32 => SampleValue::F32(v[0] as f32),
-        SampleType::Rgb8 => SampleValue::Rgb8(v.map(|v| v as u8)),
+/// The bytes of a unit block of the old stream, padded.
+pub fn old_unit(cells: &UnitSpec) -> Vec<u8> {
+    let cbft = cells.keys().fold(0u64, |all, n| all | 1 << n);
+    let (mut flags, mut offsets, mut indices) = (Vec::new(), Vec::new(), Vec::new());
+    for cell in cells.values() {
+        let word = cell.details.keys().fold(u64::from(cell.average.is_some()), |all, (i, j)| all | 1 << (7 * i + j));
+        flags.extend(word.to_le_bytes());
+        offsets.extend((indices.len() as u16).to_le_bytes());
+        indices.extend(cell.average);
+        indices.extend(cell.details.values());
     }
+    let mut bytes = cbft.to_le_bytes().to_vec();
+    [flags, offsets, indices].iter().for_each(|part| bytes.extend(part));
+    bytes.resize(bytes.len().next_multiple_of(4), 0);
+    bytes
 }
 
-/// Bricks of a level that share thresholds and codebook.
-pub struct Coded {
-    pub zerobit: Zerobit,
-    pub codec: Codec,
-    pub survey: Survey,
-    pub cut: Cut,
-    pub sample_type: SampleType,
-    pub extent: Extent,
-    pub bricks: Vec<(Region, Vec<u8>)>,
-}
+/// Linear numbers of the stored cells of Fig. 6; the paper's "cell 8" is the ninth.
+pub const FIGURE_CELLS: [u8; 9] = [0, 1, 5, 6, 20, 21, 22, 40, 41];
 
-/// Encodes a grid as one level of bricks, all of them, even constant ones; every payload is checked strictly.
-pub fn code(grid: &Grid, how: How) -> Coded {
-    let (t, extent) = (grid.sample_type(), grid.extent());
-    let bare = how.codec(t);
-    let n = extent.div_ceil(Extent::cube(BRICK));
-    let place = |i: u64| [i % u64::from(n.x), i / u64::from(n.x) % u64::from(n.y), i / u64::from(n.x) / u64::from(n.y)];
-    let regions: Vec<Region> = (0..n.voxels())
-        .map(|i| Region::at(place(i).map(|v| v as u32 * BRICK), Extent::cube(BRICK)).intersect(&Region::whole(extent)))
-        .collect();
-    let view = |region: &Region| grid.view().sub(region);
-    let mut survey = Survey::default();
-    regions.iter().for_each(|r| survey.merge(bare.survey(view(r))));
-    let budget = survey.budget(how.keep);
-    let cut = match how.threshold {
-        Threshold::Adaptive => Cut::Share { budget, nonzero: survey.nonzero },
-        Threshold::Global => {
-            let mut search = RankSearch::new(budget, !matches!(t, SampleType::U8 | SampleType::Rgb8));
-            while !search.is_done() {
-                let mut total = search.digits();
-                for region in &regions {
-                    let digits = bare.count_norms(view(region), &search);
-                    total.iter_mut().zip(digits).for_each(|(a, b)| *a += b);
-                }
-                search.take(&total);
+/// The unit block of Fig. 6 from its description: indices of details count up from 0.
+pub fn figure() -> UnitSpec {
+    let mut next = 0;
+    let mut cells = UnitSpec::new();
+    for (rank, n) in (0u8..).zip(FIGURE_CELLS) {
+        let mut places: Vec<(u8, u8)> = Vec::new();
+        let mut node = |i: u8, details: &[u8]| places.extend(details.iter().map(|&j| (i, j)));
+        match rank {
+            0 => {
+                node(0, &[1, 2, 4]);
+                node(1, &[3, 6, 7]);
             }
-            search.cut()
-        }
-    };
-    let mut trainer = Trainer::default();
-    regions.iter().for_each(|r| trainer.take(&bare.survivors(view(r), cut)));
-    let book = trainer.train(how.training, t).unwrap();
-    let coder = Arc::new(Coder::new(&book));
-    let zerobit = bare.with_books([book].into()).planned(Plan { book: 0, coder, cut });
-    let codec = Codec::Zerobit(zerobit.clone());
-    let encode = |region: Region| {
-        let mut payload = Vec::new();
-        codec.encode(view(&region), &mut payload).unwrap();
-        codec.check(&payload, t, region.extent(), 0).unwrap();
-        (region, payload)
-    };
-    let bricks = regions.into_iter().map(encode).collect();
-    Coded { zerobit, codec, survey, cut, sample_type: t, extent, bricks }
-}
-
-impl Coded {
-    pub fn book(&self) -> &Book {
-        &self.zerobit.books()[0]
-    }
-
-    /// The payload of the only brick.
-    pub fn payload(&self) -> &[u8] {
-        assert_eq!(self.bricks.len(), 1);
-        &self.bricks[0].1
-    }
-
-    /// All voxels, by the fast and by the plain decoder, which must agree.
-    pub fn decode(&self) -> Grid {
-        let mut out = Grid::zeros(self.extent, self.sample_type).unwrap();
-        let mut plain = Grid::zeros(self.extent, self.sample_type).unwrap();
-        for (region, payload) in &self.bricks {
-            let brick = region.extent();
-            let whole = Region::whole(brick);
-            self.codec.decode(payload, brick, &whole, out.view_mut().sub(region)).unwrap();
-            self.codec.decode_plain(payload, brick, &whole, plain.view_mut().sub(region)).unwrap();
-        }
-        assert!(out.bytes() == plain.bytes(), "fast and plain decoders differ");
-        out
-    }
-
-    /// Visits every cell of every brick: payload, number of the unit block, number of the cell, first voxel in the volume.
-    pub fn each_cell<'a>(&'a self, mut visit: impl FnMut(&'a [u8], usize, u32, [u32; 3])) {
-        for (region, payload) in &self.bricks {
-            let layout = Layout::new(region.extent());
-            let cells = region.extent().div_ceil(Extent::cube(CELL_EDGE));
-            for z in 0..cells.z {
-                for y in 0..cells.y {
-                    for x in 0..cells.x {
-                        let at = [x, y, z].map(|v| v * CELL_EDGE);
-                        let (unit, n) = layout.locate(at);
-                        visit(payload, unit, n, std::array::from_fn(|a| region.start[a] + at[a]));
-                    }
-                }
+            8 => {
+                node(0, &[1, 4, 6]);
+                node(3, &[1, 7]);
+                node(5, &[2, 3, 5, 7]);
+            }
+            _ => {
+                node(0, &[1, 2, 4]);
+                node(rank + 1, &[3, 6]);
             }
         }
+        let details: BTreeMap<(u8, u8), u8> = places.into_iter().zip(next..).collect();
+        next += details.len() as u8;
+        cells.insert(n, CellSpec { average: Some(10 + rank), details });
     }
+    cells
 }
 
-/// The directory entry, flags (CBFT) and bytes of unit block `index` up to the end of the payload.
-pub fn unit_bytes(payload: &[u8], index: usize) -> Option<(usize, u64, &[u8])> {
-    let entry = u32::from_le_bytes(payload[16 + 4 * index..][..4].try_into().unwrap());
-    let base = (entry >> 8) as usize * 4;
-    let bytes = payload.get(base..).filter(|_| entry != 0)?;
-    Some(((entry & 0xFF) as usize, u64::from_le_bytes(bytes[..8].try_into().unwrap()), bytes))
+/// A payload of unit blocks; an empty one is void.
+pub fn payload(stream: Stream, book: u32, units: &[UnitSpec]) -> Vec<u8> {
+    let mut bytes = book.to_le_bytes().to_vec();
+    bytes.extend((units.len() as u32).to_le_bytes());
+    bytes.extend([0; 8]);
+    let (mut directory, mut blocks) = (Vec::new(), Vec::new());
+    for unit in units {
+        let at = bytes.len() + 4 * units.len() + blocks.len();
+        let entry = if unit.is_empty() { 0 } else { unit.len() as u32 | (at as u32 / 4) << 8 };
+        directory.extend(entry.to_le_bytes());
+        if !unit.is_empty() {
+            blocks.extend(if stream == Stream::New { new_unit(unit) } else { old_unit(unit) });
+        }
+    }
+    bytes.extend(directory);
+    bytes.extend(blocks);
+    bytes
 }
 
-/// A cell out of average (p = 0) and details (p = 7·i + j), by the table of signs alone: nothing shared, nothing rounded.
-pub fn cell_of(coefficients: &[i64; 64]) -> [i64; 64] {
-    std::array::from_fn(|k| {
-        let at = [k & 3, k >> 2 & 3, k >> 4];
-        let place = |f: fn(usize) -> usize| f(at[0]) + 2 * f(at[1]) + 4 * f(at[2]);
-        let (node, sub) = (place(|v| v >> 1), place(|v| v & 1));
-        let term = |p: usize, j, at| i64::from(haar::sign(j, at)) * coefficients[p];
-        (0..8).map(|j| term(j, j, node)).sum::<i64>() + (1..8).map(|j| term(7 * node + 7 + j, j, sub)).sum::<i64>()
-    })
+/// The unit blocks of a payload, as the plain decoder finds them.
+pub fn parse(stream: Stream, payload: &[u8], brick: Extent) -> Vec<UnitSpec> {
+    let spec = |cell: &dyn Fn(u8, u8) -> Option<u8>, average| CellSpec {
+        average,
+        details: (0..9)
+            .flat_map(|i| (1..8).map(move |j| (i, j)))
+            .filter_map(|(i, j)| cell(i, j).map(|index| ((i, j), index)))
+            .collect(),
+    };
+    let count = Popcount;
+    let parse_unit = |index: usize| {
+        let Some(unit) = unit(payload, index) else { return UnitSpec::new() };
+        let cell = |n: u32| match stream {
+            Stream::New => unit
+                .cell(n, count)
+                .map(|c| spec(&|i, j| c.detail(i.into(), j.into(), count, &mut ()), c.average(&mut ()))),
+            Stream::Old => unit
+                .old_cell(n, count)
+                .map(|c| spec(&|i, j| c.detail(i.into(), j.into(), count, &mut ()), c.average(&mut ()))),
+        };
+        (0..64u8).filter_map(|n| cell(n.into()).map(|cell| (n, cell))).collect()
+    };
+    (0..Layout::new(brick).units.voxels() as usize).map(parse_unit).collect()
 }
 
-/// A grid whose cells are given by their place in cells.
-pub fn cells<T: Sample>(extent: Extent, cell: impl Fn([u32; 3]) -> [T; 64]) -> Grid {
-    Grid::from_fn(extent, |c| {
-        let [x, y, z] = c.map(|v| v % 4);
-        cell(c.map(|v| v / 4))[(x + 4 * y + 16 * z) as usize]
-    })
+/// A word of a type, from one number.
+pub fn word(t: SampleType, v: i32) -> Word {
+    if t == SampleType::Rgb8 { [v, v / 2, v / 3] } else { [v, 0, 0] }
+}
+
+/// A codebook with `averages` and `details` words that differ.
+pub fn book(t: SampleType, averages: usize, details: usize) -> Book {
+    let (scale, shift) = match t {
+        SampleType::U8 | SampleType::Rgb8 => (1, 0),
+        SampleType::I16 => (200, -25_000),
+        _ => (250, 0),
+    };
+    let wide = if scale == 1 { 1 } else { 100 };
+    Book::new(
+        t,
+        (0..averages as i32).map(|i| word(t, i * scale + shift)).collect(),
+        (0..details as i32).map(|i| word(t, (i % 256 - 128) * wide)).collect(),
+    )
     .unwrap()
 }
 
-/// One component of a cell of a grid: the nearest voxel inside stands for those outside.
-pub fn padded_cell(grid: &Grid, origin: [u32; 3], component: usize) -> [i32; 64] {
-    let e = grid.extent().to_array();
-    std::array::from_fn(|k| {
-        let at = [k & 3, k >> 2 & 3, k >> 4].map(|v| v as u32);
-        let c = std::array::from_fn(|a| (origin[a] + at[a]).min(e[a] - 1));
-        grid.value(c).unwrap().component(component) as i32
-    })
+/// A codec with null value 7 and these codebooks.
+pub fn codec(stream: Stream, t: SampleType, books: Vec<Book>) -> Codec {
+    Codec::Zerobit(Zerobit::new(stream, Params::new(30_000).unwrap(), null(t))).with_books(&Arc::from(books))
 }
 
-/// Numerators of all cells of a unit block of a grid, less the null value: `[cell][component][p]`, `None` outside.
-pub fn numerators(grid: &Grid, unit: [u32; 3], null: i32) -> Vec<Option<Vec<[i32; 64]>>> {
-    let components = grid.sample_type().components();
-    (0..64u32)
-        .map(|n| {
-            let at = [n & 3, n >> 2 & 3, n >> 4];
-            let origin: [u32; 3] = std::array::from_fn(|a| unit[a] * UNIT_EDGE + at[a] * CELL_EDGE);
-            grid.extent().contains(origin).then(|| {
-                let cell = |c| padded_cell(grid, origin, c).map(|v| v - null);
-                (0..components).map(|c| haar::forward(&cell(c))).collect()
-            })
-        })
-        .collect()
-}
-
-/// Square of a coefficient, in units that compare between levels.
-pub fn size(cell: &[[i32; 64]], p: usize, norm: Norm) -> u64 {
-    let square: u64 = cell.iter().map(|s| i64::from(s[p]).pow(2) as u64).sum();
-    match (p < 8, norm) {
-        (true, _) => square,
-        (false, Norm::Energy) => 8 * square,
-        (false, Norm::Plain) => 64 * square,
+pub fn null(t: SampleType) -> SampleValue {
+    match t {
+        SampleType::U8 => SampleValue::U8(7),
+        SampleType::U16 => SampleValue::U16(7),
+        SampleType::I16 => SampleValue::I16(7),
+        SampleType::F32 => SampleValue::F32(7.0),
+        SampleType::Rgb8 => SampleValue::Rgb8([7; 3]),
     }
 }
 
-/// Index of the nearest word, the first of equals, by looking at all.
-pub fn nearest(words: &[Word], v: Word) -> usize {
-    let distance = |w: &Word| (0..3).map(|c| (i64::from(w[c]) - i64::from(v[c])).pow(2)).sum::<i64>();
-    (0..words.len()).min_by_key(|&i| (distance(&words[i]), i)).unwrap()
+/// Random unit blocks of a brick: null cells, cells with few and with many details; none outside the brick.
+pub fn units(random: &mut Random, brick: Extent, words: [usize; 2]) -> Vec<UnitSpec> {
+    let layout = Layout::new(brick);
+    let mut units = vec![UnitSpec::new(); layout.units.voxels() as usize];
+    let dense = [1, 3, 20][random.below(3)];
+    for z in (0..brick.z).step_by(4) {
+        for y in (0..brick.y).step_by(4) {
+            for x in (0..brick.x).step_by(4) {
+                let (unit, n) = layout.locate([x, y, z]);
+                if unit % 3 == 2 || random.below(3) == 0 {
+                    continue; // void unit blocks, null cells
+                }
+                let mut cell = CellSpec { average: Some(random.below(words[0]) as u8), ..CellSpec::default() };
+                for i in 0..9 {
+                    for j in 1..8 {
+                        if random.below(dense + 1) == 0 && i % 2 == 0 {
+                            cell.details.insert((i, j), random.below(words[1]) as u8);
+                        }
+                    }
+                }
+                units[unit].insert(n as u8, cell);
+            }
+        }
+    }
+    units
 }
 
-/// Real volumes that zerobit can hold.
-pub const REAL: [&str; 9] = [
-    "rgb_stroke_t1t2flair.nrrd",
-    "rgb_dti_dec.nrrd",
-    "rgb24_ct_perfusion.nii.gz",
-    "ct_visiblehuman_head_u8.nrrd",
-    "mri_mni152_i16.nii.gz",
-    "ct_chest_lidc2.nhdr",
-    "mri_stroke_t1.nii.gz",
-    "mr_cardiac_u16.nrrd",
-    "tooth.nhdr",
-];
-
-/// At most `depth` planes, and 2 million voxels, out of the middle of a real volume.
-#[cfg(feature = "convert")]
-pub fn load(dir: &std::path::Path, name: &str, depth: u32) -> Grid {
-    let options = vug::convert::ImportOptions::default();
-    let mut source = vug::convert::import(&dir.join(name), &options).unwrap();
-    let e = source.reader.extent();
-    let depth = e.z.min(depth).min((2 << 20) / (e.x * e.y));
-    let from = (e.z - depth) / 2;
-    let mut grid = Grid::zeros(Extent { z: depth, ..e }, source.reader.sample_type()).unwrap();
-    source.reader.read_slab(from..from + depth, grid.bytes_mut()).unwrap();
+/// Decodes a whole brick.
+pub fn decode(codec: &Codec, payload: &[u8], brick: Extent, t: SampleType) -> Grid {
+    let mut grid = Grid::zeros(brick, t).unwrap();
+    codec.decode(payload, brick, &Region::whole(brick), grid.view_mut()).unwrap();
     grid
+}
+
+/// Decodes a whole brick at half or quarter resolution.
+pub fn reduced(codec: &Codec, payload: &[u8], brick: Extent, t: SampleType, steps: u8) -> Grid {
+    let extent = brick.div_ceil(Extent::cube(1 << steps));
+    let mut bytes = vec![0; extent.voxels() as usize * t.bytes()];
+    codec.decode_reduced(payload, brick, steps, &Region::whole(extent), ViewMut::dense(&mut bytes, extent, t)).unwrap();
+    let mut grid = Grid::zeros(extent, t).unwrap();
+    grid.bytes_mut().copy_from_slice(&bytes);
+    grid
+}
+
+/// Descriptor of a volume of one level.
+pub fn descriptor(dims: Extent, brick_log2: u8, t: SampleType, codec: &Codec) -> VolumeDescriptor {
+    let (id, stream_version, params) = codec.to_wire();
+    VolumeDescriptor {
+        dims,
+        time_steps: 1,
+        channels: 1,
+        sample_type: t,
+        lod_count: 1,
+        brick_log2,
+        codecs: vec![CodecEntry { id, stream_version, params }],
+        placement: vug::affine::Placement::from_spacing([1.0; 3], [0.0; 3]),
+        null_value: VolumeDescriptor::null_field(null(t)),
+        value_map: vug::affine::ValueMap::default(),
+        source_range: (0.0, 255.0),
+        achieved: None,
+        payload_bytes: 0,
+        replaced: 0,
+    }
+}
+
+/// The stored bytes of codebooks.
+pub fn stored(books: &[Book], t: SampleType) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    books.iter().for_each(|b| b.write_to(t, &mut bytes));
+    bytes
+}
+
+/// The codebooks of [`file`].
+pub fn two_books(t: SampleType) -> Vec<Book> {
+    vec![book(t, 9, 4), book(t, 256, 256)]
+}
+
+/// A file of random bricks; `kind` says which ones are EMPTY (0), CONSTANT (1) or stored (2). Also its payloads.
+pub fn file(
+    dims: Extent,
+    brick_log2: u8,
+    t: SampleType,
+    stream: Stream,
+    kind: impl Fn([u32; 3]) -> u8,
+) -> (Vec<u8>, Vec<Vec<u8>>) {
+    file_with(dims, brick_log2, t, stream, kind, Some((stored(&two_books(t), t), 2)))
+}
+
+/// A file as [`file`] makes it, with other bytes for section `CBOK`.
+pub fn file_with(
+    dims: Extent,
+    brick_log2: u8,
+    t: SampleType,
+    stream: Stream,
+    kind: impl Fn([u32; 3]) -> u8,
+    codebooks: Option<(Vec<u8>, u64)>,
+) -> (Vec<u8>, Vec<Vec<u8>>) {
+    let books = two_books(t);
+    let codec = codec(stream, t, books.clone());
+    let mut d = descriptor(dims, brick_log2, t, &codec);
+    let mut w = FileWriter::new(Cursor::new(Vec::new()), &d).unwrap();
+    let octree = w.octree().clone();
+    let mut random = Random(dims.voxels());
+    let mut payloads = Vec::new();
+    let [bx, by, bz] = octree.levels[0].bricks.to_array();
+    for brick in (0..bz).flat_map(|z| (0..by).flat_map(move |y| (0..bx).map(move |x| [x, y, z]))) {
+        let extent = octree.brick_extent(0, brick);
+        match kind(brick) {
+            0 => {}
+            1 => w
+                .put_constant(
+                    0,
+                    0,
+                    brick,
+                    &Node::new_constant(SampleValue::from_raw(t, 33).unwrap(), NodeFlags::default(), None),
+                )
+                .unwrap(),
+            _ => {
+                let which = payloads.len() % 2;
+                let words = [[9, 4], [256, 256]][which];
+                let payload = payload(stream, which as u32, &units(&mut random, extent, words));
+                let range = value_range(&decode(&codec, &payload, extent, t).view()).unwrap();
+                let node = Node::new_stored(0, NodeFlags::default(), range, None);
+                d.payload_bytes += payload.len() as u64;
+                w.put_stored(0, 0, brick, &node, &payload).unwrap();
+                payloads.push(payload);
+            }
+        }
+    }
+    let options = FinishOptions { codebooks, ..FinishOptions::default() };
+    (w.finish(&d, options).unwrap().0.into_inner(), payloads)
 }

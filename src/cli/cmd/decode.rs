@@ -5,16 +5,18 @@ use crate::cli::args::Decode;
 use crate::cli::output::{Verdict, error_json, progress};
 use crate::convert::{ExportInfo, Target};
 use crate::error::{Error, Result};
-use crate::geometry::{Coord, Region};
+use crate::geometry::{Coord, Extent, Region};
 use crate::grid::{Grid, dense_len};
 use crate::limits::{self, Limits};
 use crate::source::{AtomicFile, FileSource};
 use crate::volume::{At, LostBrick, Volume};
+use rayon::prelude::*;
 use serde_json::{Value, json};
+use std::fs;
 use std::io::BufWriter;
+use std::path::PathBuf;
 
 pub(super) fn run(args: &Decode) -> Result<Verdict> {
-    let target = Target::of_path(&args.target)?; // before anything is decoded
     let source = FileSource::open(&args.source)?;
     let volume = if args.salvage {
         Volume::open_salvage(source, Limits::default())?
@@ -26,8 +28,13 @@ pub(super) fn run(args: &Decode) -> Result<Verdict> {
     let Some(extent) = volume.levels().nth(usize::from(args.level)) else {
         return Err(Error::param("level", format!("the file has levels 0 to {}, not {}", levels - 1, args.level)));
     };
+    let steps = args.reduce.unwrap_or(0);
+    let extent = extent.div_ceil(Extent::cube(1 << steps));
     let region = args.region.unwrap_or(Region::whole(extent));
     region.check(extent)?;
+    // Whatever is wrong with the target is found before anything is decoded.
+    let target = Target::of_volume(&args.target, region.extent(), volume.info().sample_type)?;
+    target.files().iter().try_for_each(|path| AtomicFile::check(path, args.force))?;
     let bar = progress(args.common.quiet || args.common.json, "decoding");
     let (grid, lost) = if args.salvage {
         let salvaged = volume.salvage(at, region)?;
@@ -36,10 +43,11 @@ pub(super) fn run(args: &Decode) -> Result<Verdict> {
         }
         (salvaged.grid, salvaged.lost)
     } else {
-        (decode(&volume, at, region, &bar)?, Vec::new())
+        let grid = if steps > 0 { volume.read_reduced(at, steps, region)? } else { decode(&volume, at, region, &bar)? };
+        (grid, Vec::new())
     };
     bar.finish_and_clear();
-    let placement = moved(&volume.info().placement, args.level, region.start);
+    let placement = moved(&volume.info().placement, args.level + steps, region.start);
     let meta: Option<Value> = match volume.meta() {
         Ok(text) => text.and_then(|t| serde_json::from_str(&t).ok()),
         Err(_) if args.salvage => None,
@@ -50,16 +58,35 @@ pub(super) fn run(args: &Decode) -> Result<Verdict> {
         value_map: volume.info().value_map,
         header: meta.as_ref().and_then(|m| m.get("source")),
     };
-    // All parts are written before the first appears; the header of a pair appears last.
-    let mut files = Vec::new();
-    for (index, path) in target.files().iter().enumerate() {
-        let mut file = BufWriter::new(AtomicFile::create(path, args.force)?);
-        target.write(index, &mut file, &grid, &info)?;
-        files.push(file.into_inner().map_err(|e| Error::io(path.display(), e.into_error()))?);
-    }
-    files.into_iter().try_for_each(AtomicFile::commit)?;
+    write(&target, args.force, &grid, &info)?;
     report(args, &volume, &grid, &lost);
     Ok(if lost.is_empty() { Verdict::Ok } else { Verdict::Bad })
+}
+
+/// Most files that are held open until all are written; more of them are closed, which lets go of their locks.
+const OPEN_FILES: usize = 16;
+
+/// Writes all files before the first appears; the header of a pair appears last.
+fn write(target: &Target, force: bool, grid: &Grid, info: &ExportInfo<'_>) -> Result<()> {
+    let new_folder = target.folder().filter(|folder| !folder.exists());
+    if let Some(folder) = new_folder {
+        fs::create_dir_all(folder).map_err(|e| Error::io(folder.display(), e))?;
+    }
+    let one = |(index, path): (usize, &PathBuf)| {
+        let mut file = BufWriter::new(AtomicFile::create(path, force)?);
+        target.write(index, &mut file, grid, info)?;
+        let mut file = file.into_inner().map_err(|e| Error::io(path.display(), e.into_error()))?;
+        if target.files().len() > OPEN_FILES {
+            file.park()?;
+        }
+        Ok(file)
+    };
+    let files: Result<Vec<AtomicFile>> = target.files().par_iter().enumerate().map(one).collect();
+    let written = files.and_then(|files| files.into_iter().try_for_each(AtomicFile::commit));
+    if let (Err(_), Some(folder)) = (&written, new_folder) {
+        let _ = fs::remove_dir(folder); // only an empty one goes
+    }
+    written
 }
 
 /// Decodes a region in slabs, so that the bar moves.
@@ -82,7 +109,7 @@ fn decode(volume: &Volume, at: At, region: Region, bar: &indicatif::ProgressBar)
     Ok(grid)
 }
 
-/// Placement of a part of a coarser level: the centre of its first voxel, and the level's steps.
+/// Placement of a part of a coarser level, or of one that is halved from a finer one: the centre of its first voxel, and the level's steps.
 fn moved(placement: &Placement, lod: u8, start: Coord) -> Placement {
     let mut moved = placement.clone();
     let step = f64::from(1u32 << lod);
@@ -109,6 +136,7 @@ fn report(args: &Decode, volume: &Volume, grid: &Grid, lost: &[LostBrick]) {
             "{:#}",
             json!({
                 "dims": grid.extent().to_array(), "sample_type": grid.sample_type().name(), "level": args.level,
+                "reduce": args.reduce.unwrap_or(0),
                 "reads": cost.reads, "bytes_read": cost.bytes, "lost": lost,
             })
         );

@@ -70,8 +70,8 @@ fn check(args: &Encode) -> Result<()> {
         return Err(Error::param("target", "the target is the source itself, which would be lost; give another name"));
     }
     if let Some(format) = Format::of_path(&args.target) {
-        let message =
-            format!("{} has the ending of {}; give the .vug file another one", args.target.display(), format.name());
+        let is = if args.target.is_dir() { "is a folder, as of" } else { "has the ending of" };
+        let message = format!("{} {is} {}; give the .vug file another name", args.target.display(), format.name());
         return Err(Error::param("target", message));
     }
     let s3dc_only = args.index_bits.is_some() || args.block.is_some() || args.endpoints == EndpointsArg::Fitted;

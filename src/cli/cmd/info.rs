@@ -1,5 +1,6 @@
 //! `vug info`: what a file holds.
 
+use super::codec_stats;
 use crate::cli::args::Info;
 use crate::cli::output::{Verdict, bytes_text, number};
 use crate::codec::{Codec, s3dc};
@@ -11,11 +12,17 @@ use serde_json::{Value, json};
 pub(super) fn run(args: &Info) -> Result<Verdict> {
     let volume = Volume::open_path(&args.file)?;
     let bricks = volume.brick_counts()?;
-    let json = describe(&volume, &bricks)?;
+    let mut json = describe(&volume, &bricks)?;
+    if args.codec_stats {
+        json["codec_stats"] = volume.codec_stats()?.as_ref().map_or(Value::Null, codec_stats::describe);
+    }
     if args.common.json {
         println!("{json:#}");
     } else {
         print!("{}", text(&json));
+        if args.codec_stats {
+            print!("{}", codec_stats::text(&json["codec_stats"]));
+        }
     }
     Ok(Verdict::Ok)
 }
@@ -25,6 +32,8 @@ fn describe(volume: &Volume, bricks: &BrickCounts) -> Result<Value> {
     let voxels = d.dims.voxels() as f64 * f64::from(d.time_steps) * f64::from(d.channels);
     let original = voxels * d.sample_type.bytes() as f64;
     let bytes = volume.file_len();
+    // As the encoder reports it: payloads are nothing without their codebooks.
+    let books = volume.head().section(*b"CBOK").map_or(0, |s| s.stored_len);
     let mut names = Vec::new();
     let (mut formula, mut padded) = (Value::Null, Value::Null);
     let mut parameters = Vec::new();
@@ -88,7 +97,7 @@ fn describe(volume: &Volume, bricks: &BrickCounts) -> Result<Value> {
         "bricks": { "total": bricks.total, "stored": bricks.stored, "constant": bricks.constant, "empty": bricks.empty },
         "bytes": bytes,
         "bits_per_voxel": number(bytes as f64 * 8.0 / voxels),
-        "ratio": { "formula": formula, "padded": padded, "payload": number(original / d.payload_bytes as f64), "file": number(original / bytes as f64) },
+        "ratio": { "formula": formula, "padded": padded, "payload": number(original / (d.payload_bytes + books) as f64), "file": number(original / bytes as f64) },
         "max_error": d.achieved.map(|a| a.max_error),
         "mean_error": d.achieved.map(|a| a.mean_error),
         "rmse": d.achieved.map(|a| a.rmse),

@@ -1,5 +1,6 @@
 //! One file per subcommand.
 
+mod codec_stats;
 mod compare;
 mod decode;
 mod demo;

@@ -4,16 +4,16 @@ use super::noise::smooth;
 
 /// Air: nothing is stored for it.
 pub(super) const AIR: f64 = 0.0;
-const FAT: f64 = 700.0;
-const FLUID: f64 = 900.0;
-const MUSCLE: f64 = 1060.0;
-const WHITE: f64 = 1120.0;
-const GREY: f64 = 1400.0;
+pub(super) const FAT: f64 = 700.0;
+pub(super) const FLUID: f64 = 900.0;
+pub(super) const MUSCLE: f64 = 1060.0;
+pub(super) const WHITE: f64 = 1120.0;
+pub(super) const GREY: f64 = 1400.0;
 const VESSEL: f64 = 1950.0;
-const SPONGY: f64 = 1750.0;
-const BONE: f64 = 2500.0;
-const TOOTH: f64 = 3100.0;
-const METAL: f64 = 4095.0;
+pub(super) const SPONGY: f64 = 1750.0;
+pub(super) const BONE: f64 = 2500.0;
+pub(super) const TOOTH: f64 = 3100.0;
+pub(super) const METAL: f64 = 4095.0;
 
 /// What an ellipsoid is filled with.
 #[derive(Clone, Copy)]
@@ -119,19 +119,35 @@ pub(super) const VESSELS: &[Vessel] = &[
 /// Value of a vessel's contents.
 pub(super) const BLOOD: f64 = VESSEL;
 
-/// Value of a filling at `p` (voxels), `u` (unit cube) and `depth` (voxels below the surface of the ellipsoid).
-/// `voxel` is the size of the phantom's finest details.
-pub(super) fn value(paint: Paint, p: [f64; 3], u: [f64; 3], depth: f64, voxel: f64) -> f64 {
+/// Materials over each other: the lowest one, and what covers it by which share.
+pub(super) struct Blend {
+    pub(super) ground: f64,
+    pub(super) over: [(f64, f64); 2],
+}
+
+impl Blend {
+    fn flat(ground: f64) -> Self {
+        Blend { ground, over: [(ground, 0.0); 2] }
+    }
+
+    pub(super) fn value(&self) -> f64 {
+        self.over.iter().fold(self.ground, |v, (over, share)| v + (over - v) * share)
+    }
+}
+
+/// Filling at `p` (voxels), `u` (unit cube) and `depth` (voxels below the surface of the ellipsoid). `voxel` is the size
+/// of the phantom's finest details.
+pub(super) fn filling(paint: Paint, p: [f64; 3], u: [f64; 3], depth: f64, voxel: f64) -> Blend {
     let n = |scale: f64, seed| smooth(p, scale * voxel, seed);
     match paint {
-        Flat(value) => value,
-        Paint::Spongy => SPONGY + 420.0 * n(2.6, 1),
-        Cells => BONE + (AIR + 60.0 - BONE) * edge(n(4.5, 2) + 0.12, 0.16),
+        Flat(value) => Blend::flat(value),
+        Paint::Spongy => Blend::flat(SPONGY + 420.0 * n(2.6, 1)),
+        Cells => Blend { ground: BONE, over: [(AIR + 60.0, edge(n(4.5, 2) + 0.12, 0.16)), (BONE, 0.0)] },
         Leaves => {
             // Concentric leaves, bent a little: a triangle wave of the depth.
             let t = (depth / voxel + 2.5 * n(9.0, 3)) / 5.0;
             let wave = (t - t.floor() - 0.5).abs() * 2.0;
-            WHITE + (GREY - WHITE) * edge(wave - 0.45, 0.4)
+            Blend { ground: WHITE, over: [(GREY, edge(wave - 0.45, 0.4)), (WHITE, 0.0)] }
         }
         Brain => {
             // Folds: where the noise crosses zero, a furrow of fluid reaches in, with grey matter along it.
@@ -140,8 +156,7 @@ pub(super) fn value(paint: Paint, p: [f64; 3], u: [f64; 3], depth: f64, voxel: f
             let furrow = edge(0.10 - fold - d / 90.0, 0.05);
             let ribbon = edge(0.30 - fold - d / 60.0, 0.08).max(edge(3.2 - d, 1.2));
             let split = edge(1.6 * voxel - (u[0] * 96.0 * voxel).abs() + 1.5 * n(14.0, 6), voxel) * edge(26.0 - d, 3.0);
-            let tissue = WHITE + (GREY - WHITE) * ribbon;
-            tissue + (FLUID - tissue) * furrow.max(split)
+            Blend { ground: WHITE, over: [(GREY, ribbon), (FLUID, furrow.max(split))] }
         }
     }
 }

@@ -19,8 +19,28 @@ pub(super) fn table(u: [f64; 3], voxel: f64) -> f64 {
     1350.0 * edge(0.8 - below.abs(), 0.6)
 }
 
+/// What the plate shows at a place.
+pub(super) enum Mark {
+    Ground,
+    Line,
+    /// Share of the way along the ramp, 0 to 1.
+    Ramp(f64),
+    /// Step 0 to 15.
+    Step(f64),
+}
+
 /// Value of the plate at voxel `c`, `None` outside the plate.
 pub(super) fn plate(c: [u32; 3], u: [f64; 3]) -> Option<f64> {
+    mark(c, u).map(|mark| match mark {
+        Mark::Ground => ACRYLIC,
+        Mark::Line => LINE,
+        Mark::Ramp(share) => 4095.0 * share,
+        Mark::Step(step) => step * 273.0,
+    })
+}
+
+/// The plate's mark at voxel `c`, `None` outside the plate.
+pub(super) fn mark(c: [u32; 3], u: [f64; 3]) -> Option<Mark> {
     if (0..3).any(|a| u[a] < PLATE[a][0] || u[a] > PLATE[a][1]) {
         return None;
     }
@@ -30,13 +50,13 @@ pub(super) fn plate(c: [u32; 3], u: [f64; 3]) -> Option<f64> {
     let group = ((across * PAIRS.len() as f64) as usize).min(PAIRS.len() - 1);
     let inside = across * PAIRS.len() as f64 - group as f64;
     let period = PAIRS[group];
-    let bars = |v: u32| if v % period < period.div_ceil(2) { LINE } else { ACRYLIC };
+    let bars = |v: u32| if v % period < period.div_ceil(2) { Mark::Line } else { Mark::Ground };
     let bar_group = (0.12..0.88).contains(&inside);
     Some(match down {
         0.06..0.36 if bar_group => bars(c[0]),
         0.42..0.60 if bar_group => bars(c[2]),
-        0.66..0.80 => 4095.0 * across,
-        0.82..0.96 => (across * 16.0).floor() * 273.0,
-        _ => ACRYLIC,
+        0.66..0.80 => Mark::Ramp(across),
+        0.82..0.96 => Mark::Step((across * 16.0).floor()),
+        _ => Mark::Ground,
     })
 }

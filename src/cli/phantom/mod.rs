@@ -6,6 +6,7 @@
 mod anatomy;
 mod insert;
 mod noise;
+mod photograph;
 #[cfg(test)]
 mod tests;
 
@@ -31,7 +32,8 @@ pub(crate) fn placement() -> Placement {
 }
 
 /// The phantom: u16 in 12 bits (0 air, about 1000 water, 2500 bone, 4095 metal), i16 the same less 1000, u8 the upper
-/// eight of the 12 bits, f32 as a fraction of 4095, rgb8 tinted by value. The same on every machine.
+/// eight of the 12 bits, f32 as a fraction of 4095, rgb8 the same head as photographs of its cut surfaces. The same on
+/// every machine.
 ///
 /// # Errors
 /// `E_PARAM` or `E_LIMIT` for extents outside the caps.
@@ -42,8 +44,22 @@ pub(crate) fn phantom(extent: Extent, sample_type: SampleType) -> Result<Grid> {
         SampleType::U16 => scene.fill(|v| v as u16),
         SampleType::I16 => scene.fill(|v| v as i16 - 1000),
         SampleType::F32 => scene.fill(|v| (v / 4095.0) as f32),
-        SampleType::Rgb8 => scene.fill(tint),
+        SampleType::Rgb8 => scene.fill_with(Scene::color),
     }
+}
+
+/// A voxel: its coordinates, its centre in voxels, and its centre in the unit cube.
+#[derive(Clone, Copy)]
+struct Place {
+    c: Coord,
+    p: [f64; 3],
+    u: [f64; 3],
+}
+
+/// A vessel where it crosses a plane, in voxels.
+struct Vein {
+    center: [f64; 2],
+    radius: f64,
 }
 
 /// An ellipsoid in voxels.
@@ -87,6 +103,11 @@ impl Scene {
     }
 
     fn fill<T: Sample>(&self, sample: impl Fn(f64) -> T + Sync) -> Result<Grid> {
+        self.fill_with(|scene, at, bodies, vessels| sample(scene.value(at, bodies, vessels)))
+    }
+
+    /// Every voxel from its place, the bodies near its row and the vessels that cross its plane.
+    fn fill_with<T: Sample>(&self, sample: impl Fn(&Self, Place, &[&Body], &[Vein]) -> T + Sync) -> Result<Grid> {
         let mut grid = Grid::zeros(self.extent, T::TYPE)?;
         let plane = self.extent.x as usize * self.extent.y as usize;
         grid.samples_mut::<T>()
@@ -97,7 +118,7 @@ impl Scene {
     }
 
     /// One z plane. Bodies that miss it, or a row, are left out early.
-    fn plane<T>(&self, z: u32, out: &mut [T], sample: impl Fn(f64) -> T) {
+    fn plane<T>(&self, z: u32, out: &mut [T], sample: impl Fn(&Self, Place, &[&Body], &[Vein]) -> T) {
         let near = |v: f64, b: &Body, a: usize| (v - b.center[a]).abs() < b.radius[a] + 1.0;
         let pz = f64::from(z) + 0.5;
         let in_plane: Vec<&Body> = self.bodies.iter().filter(|b| near(pz, b, 2)).collect();
@@ -106,26 +127,29 @@ impl Scene {
             let py = f64::from(y) + 0.5;
             let in_row: Vec<&Body> = in_plane.iter().copied().filter(|b| near(py, b, 1)).collect();
             for (x, out) in (0..).zip(row) {
-                *out = sample(self.value([x, y, z], [f64::from(x) + 0.5, py, pz], &in_row, &vessels));
+                *out = sample(self, self.place([x, y, z], [f64::from(x) + 0.5, py, pz]), &in_row, &vessels);
             }
         }
     }
 
     /// Centres and radii of the vessels that cross a plane, in voxels.
-    fn vessels(&self, pz: f64) -> Vec<([f64; 2], f64)> {
+    fn vessels(&self, pz: f64) -> Vec<Vein> {
         let w = pz / self.half[2] - 1.0;
         let crossing = VESSELS.iter().filter(|(.., [from, to], _)| (*from..=*to).contains(&w));
         crossing
             .map(|(x, y, _, r)| {
                 let at = |k: &[f64; 3], a: usize| (k[0] + k[1] * w + k[2] * w * w + 1.0) * self.half[a];
-                ([at(x, 0), at(y, 1) - RAISED * self.half[1]], r * self.half[0])
+                Vein { center: [at(x, 0), at(y, 1) - RAISED * self.half[1]], radius: r * self.half[0] }
             })
             .collect()
     }
 
+    fn place(&self, c: Coord, p: [f64; 3]) -> Place {
+        Place { c, p, u: std::array::from_fn(|a| p[a] / self.half[a] - 1.0) }
+    }
+
     /// Value of a voxel, a whole number from 0 to 4095.
-    fn value(&self, c: Coord, p: [f64; 3], bodies: &[&Body], vessels: &[([f64; 2], f64)]) -> f64 {
-        let u: [f64; 3] = std::array::from_fn(|a| p[a] / self.half[a] - 1.0);
+    fn value(&self, Place { c, p, u }: Place, bodies: &[&Body], vessels: &[Vein]) -> f64 {
         if let Some(hard) = insert::plate(c, u) {
             return hard.round();
         }
@@ -135,12 +159,11 @@ impl Scene {
             // Blurred over one voxel, as a scanner does.
             let cover = edge(depth, 1.0);
             if cover > 0.0 {
-                value += (anatomy::value(body.paint, p, u, depth, self.voxel) - value) * cover;
+                value += (anatomy::filling(body.paint, p, u, depth, self.voxel).value() - value) * cover;
             }
         }
-        for &([x, y], r) in vessels {
-            let distance = ((p[0] - x) * (p[0] - x) + (p[1] - y) * (p[1] - y)).sqrt();
-            value += (BLOOD - value) * edge(r - distance, 1.0);
+        for vein in vessels {
+            value += (BLOOD - value) * vein.cover(p);
         }
         if value == AIR {
             return AIR;
@@ -148,6 +171,15 @@ impl Scene {
         // Grain of a reconstruction: two octaves, finest two voxels wide.
         let grain = 16.0 * noise::smooth(p, 2.0, 7) + 8.0 * noise::smooth(p, 3.7, 8);
         (value + grain).round().clamp(0.0, 4095.0)
+    }
+}
+
+impl Vein {
+    /// Share of the voxel at `p` that it covers.
+    fn cover(&self, p: [f64; 3]) -> f64 {
+        let Vein { center: [x, y], radius } = *self;
+        let distance = ((p[0] - x) * (p[0] - x) + (p[1] - y) * (p[1] - y)).sqrt();
+        edge(radius - distance, 1.0)
     }
 }
 
@@ -164,25 +196,4 @@ impl Body {
         // First-order distance to the surface q = 1; at the centre the smallest radius.
         if g == 0.0 { self.radius.into_iter().fold(f64::INFINITY, f64::min) } else { (1.0 - q.sqrt()) * (q / g).sqrt() }
     }
-}
-
-/// Colours of values, as if the head were cut open.
-const TINTS: [(f64, [f64; 3]); 10] = [
-    (0.0, [0.0, 0.0, 0.0]),
-    (560.0, [150.0, 96.0, 48.0]),
-    (700.0, [238.0, 200.0, 112.0]),
-    (900.0, [92.0, 118.0, 150.0]),
-    (1060.0, [186.0, 78.0, 66.0]),
-    (1120.0, [240.0, 222.0, 200.0]),
-    (1400.0, [198.0, 136.0, 130.0]),
-    (1950.0, [168.0, 22.0, 32.0]),
-    (2500.0, [246.0, 238.0, 214.0]),
-    (4095.0, [255.0, 206.0, 64.0]),
-];
-
-fn tint(value: f64) -> [u8; 3] {
-    let next = TINTS.iter().position(|(v, _)| *v >= value).unwrap_or(TINTS.len() - 1).max(1);
-    let ((lo, from), (hi, to)) = (TINTS[next - 1], TINTS[next]);
-    let t = ((value - lo) / (hi - lo)).clamp(0.0, 1.0);
-    std::array::from_fn(|c| (from[c] + (to[c] - from[c]) * t).round() as u8)
 }

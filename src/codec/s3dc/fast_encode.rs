@@ -8,9 +8,9 @@
 
 use super::encode::push_end_points;
 use super::fast_encode_index::Kernel;
-use super::point::prefetch;
 use super::{Endpoints, Layout, Params, with_scalar};
 use crate::codec::non_finite;
+use crate::codec::prefetch::prefetch;
 use crate::error::Result;
 use crate::grid::View;
 use std::borrow::Cow;

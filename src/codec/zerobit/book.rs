@@ -1,5 +1,6 @@
 //! Codebooks: what average and detail indices stand for, and their bytes in section `CBOK` (spec chapter 14, §3).
 
+use super::tables::Tables;
 use crate::error::{Code, Error, Result};
 use crate::limits;
 use crate::voxel::SampleType;
@@ -19,6 +20,7 @@ const KIND_ZEROBIT: u8 = 1;
 pub struct Book {
     average: Vec<Word>,
     detail: Vec<Word>,
+    pub(super) tables: Tables,
 }
 
 /// Smallest and largest value of a component of an average, and of a detail. // spec: ZBT-5
@@ -47,7 +49,12 @@ impl Book {
                 return Err(Error::param(field, format!("word {word:?} is outside {range:?} of {t}")));
             }
         }
-        Ok(Book { average, detail })
+        Ok(Book::of_words(average, detail))
+    }
+
+    fn of_words(average: Vec<Word>, detail: Vec<Word>) -> Self {
+        let tables = Tables::new(&average, &detail);
+        Book { average, detail, tables }
     }
 
     /// Words for averages.
@@ -150,7 +157,7 @@ impl Book {
         });
         let mut average: Vec<Word> = words.collect();
         let detail = average.split_off(counts[0]);
-        Ok((Book { average, detail }, padded))
+        Ok((Book::of_words(average, detail), padded))
     }
 }
 

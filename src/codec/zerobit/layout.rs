@@ -31,8 +31,14 @@ pub(super) fn byte(payload: &[u8], at: usize) -> u8 {
 pub(super) fn bytes<const N: usize>(payload: &[u8], at: usize) -> [u8; N] {
     match payload.get(at..at.saturating_add(N)) {
         Some(found) => found.try_into().expect("N bytes"),
-        None => std::array::from_fn(|i| byte(payload, at.saturating_add(i))),
+        None => bytes_at_end(payload, at),
     }
+}
+
+#[cold]
+#[inline(never)]
+fn bytes_at_end<const N: usize>(payload: &[u8], at: usize) -> [u8; N] {
+    std::array::from_fn(|i| byte(payload, at.saturating_add(i)))
 }
 
 /// Unit blocks of a brick, and the lengths its payload may have.
@@ -142,12 +148,18 @@ impl<'a> Unit<'a> {
     /// The stored cell that `rank` others precede.
     #[inline(always)]
     pub(super) fn cell_of_rank(&self, rank: usize) -> Cell<'a> {
+        self.cell_with_dis(rank, self.dis())
+    }
+
+    /// The same, where it is known already where DIS starts.
+    #[inline(always)]
+    pub(super) fn cell_with_dis(&self, rank: usize, dis: usize) -> Cell<'a> {
         let zerobits = Zerobits::read(self, rank);
         Cell {
             payload: self.payload,
             average: byte(self.payload, self.base + 8 + 4 * self.cells + rank),
             zerobits,
-            details: self.dis() + (self.offsets(rank) & 0xFFFF) as usize,
+            details: dis + (self.offsets(rank) & 0xFFFF) as usize,
         }
     }
 

@@ -18,29 +18,43 @@ mod book;
 mod check;
 mod decode;
 mod encode;
+mod fast;
+#[cfg(target_arch = "x86_64")]
+mod fast_avx2;
+mod fast_cell;
+mod fast_group;
+mod fast_region;
+#[cfg(target_arch = "x86_64")]
+mod fast_v3;
 mod inverse;
 mod layout;
 mod params;
 mod plan;
+mod reduced;
 mod select;
+mod stats;
+mod tables;
 mod tally;
 mod train;
 mod transform;
 
 pub use book::{Book, MAX_WORDS, Word};
 pub use decode::{Coefficients, Context};
+pub use fast::{AHEAD, BrickReader};
 pub use layout::{CELL_EDGE, Cell, Layout, OldCell, UNIT_CELLS, UNIT_EDGE, Unit, unit};
 pub use params::{KEEP_ALL, Norm, Params, Stream, Threshold, Training};
 pub use plan::{Coder, Cut, Plan};
+pub use reduced::{MAX_STEPS, check_steps};
 pub use select::{Digits, RankSearch, Survey};
+pub use stats::{Stats, StreamBytes};
 pub use tally::{Case, Counts, Tally};
 pub use train::{Survivors, Trainer};
 
-use crate::codec::BrickPart;
+use crate::codec::{BrickPart, Stores};
 use crate::error::{Code, Error, Result};
 use crate::geometry::{Coord, Extent};
 use crate::grid::ViewMut;
-use crate::voxel::{SampleType, SampleValue};
+use crate::voxel::{Sample, SampleType, SampleValue};
 use crate::with_sample;
 use bits::Popcount;
 use std::sync::Arc;
@@ -128,21 +142,32 @@ impl Zerobit {
         check::check(self.stream, &Layout::new(brick), payload, self.book(payload)?)
     }
 
-    /// One voxel. Length and coordinate have been checked.
-    pub(super) fn voxel(&self, payload: &[u8], t: SampleType, brick: Extent, c: Coord) -> Result<SampleValue> {
-        let context = Context { book: self.book(payload)?, sample_type: t, count: Popcount };
-        let (index, n) = Layout::new(brick).locate(c);
-        let at = c.map(|v| v % CELL_EDGE);
-        let word = unit(payload, index).and_then(|unit| match self.stream {
-            Stream::New => unit.cell(n, Popcount).map(|cell| context.voxel(&cell, at, &mut ())),
-            Stream::Old => unit.old_cell(n, Popcount).map(|cell| context.voxel(&cell, at, &mut ())),
-        });
-        Ok(word.map_or(self.null, |word| value_of(word, t)))
+    /// A reader of single voxels, planes and cells of a brick.
+    ///
+    /// # Errors
+    /// `E_REF` where the codebook is missing.
+    pub fn reader<'a>(&'a self, payload: &'a [u8], brick: Extent) -> Result<BrickReader<'a>> {
+        Ok(self.reader_without(payload, brick)?.with_payload(payload))
     }
 
-    /// Decodes a part of a brick by the fastest way.
-    pub(super) fn decode(&self, part: &BrickPart<'_>, dst: ViewMut<'_>) -> Result<()> {
-        self.decode_plain(part, dst)
+    /// The same, still to be given its payload by [`BrickReader::with_payload`].
+    ///
+    /// # Errors
+    /// As [`Zerobit::reader`].
+    pub fn reader_without(&self, payload: &[u8], brick: Extent) -> Result<BrickReader<'_>> {
+        let null = tables::pack(self.null_components::<3>());
+        Ok(BrickReader::new(&[], &self.book(payload)?.tables, Layout::new(brick).units, self.stream, null))
+    }
+
+    /// One voxel, the fast way. Length and coordinate have been checked.
+    pub(super) fn voxel(&self, payload: &[u8], t: SampleType, brick: Extent, c: Coord) -> Result<SampleValue> {
+        let reader = self.reader(payload, brick)?;
+        Ok(with_sample!(t, T => Sample::value(reader.voxel::<T>(c))))
+    }
+
+    /// Decodes parts of bricks that lie side by side, by the fastest way.
+    pub(super) fn decode(&self, parts: &[BrickPart<'_>], dst: ViewMut<'_>, stores: Stores) -> Result<()> {
+        fast_region::decode(self, parts, dst, stores)
     }
 
     /// Decodes a part of a brick cell by cell; the reference for every faster way. // spec: ZBT-26

@@ -90,7 +90,7 @@ impl Strict {
             self.head.feature_names = features::read_from(&bytes, s.offset)?;
         } else if s.fourcc == section::CBOK {
             // spec: ZBT-34
-            if s.item_count == 0 || bytes.is_empty() {
+            if s.item_count == 0 {
                 let at = self.entry_offset(&s) + 40;
                 return Err(Error::at(Code::Canon, at, "CBOK", "a section of no codebooks must not be there"));
             }

@@ -35,9 +35,7 @@ fn a_section_of_no_codebooks_is_not_canonical() {
     strictly_refused(&none, Code::Canon, entry + 40);
     // The writer does not write such a one.
     let d = descriptor([4, 4, 4], 1);
-    for (codebooks, code) in
-        [((Vec::new(), 1), Code::Param), ((BOOKS.to_vec(), 0), Code::Param), ((BOOKS.to_vec(), 4097), Code::Limit)]
-    {
+    for (codebooks, code) in [((BOOKS.to_vec(), 0), Code::Param), ((BOOKS.to_vec(), 4097), Code::Limit)] {
         let w = FileWriter::new(Cursor::new(Vec::new()), &d).unwrap();
         let options = FinishOptions { codebooks: Some(codebooks), ..FinishOptions::default() };
         assert_eq!(w.finish(&d, options).map(|_| ()).unwrap_err().code(), code);
