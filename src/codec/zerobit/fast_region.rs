@@ -11,26 +11,38 @@ use super::layout::{CELL_EDGE, Layout, UNIT_EDGE, unit};
 use super::params::Stream;
 use crate::codec::{BrickPart, Stores};
 use crate::error::Result;
-use crate::geometry::{Coord, Region};
+use crate::geometry::{Coord, Extent, Region};
 use crate::grid::ViewMut;
 use crate::voxel::{SampleType, SampleValue};
 use crate::with_sample;
+use std::cell::Cell;
 
 /// Rows of a cell.
 const ROWS: usize = 16;
+/// Bricks that fit the buffer side by side.
+const SIDE_BY_SIDE: usize = 4;
+/// Bytes from one row of the buffer to the next: four bricks of 256 colours, room for what is written too far, and not a
+/// multiple of a page, so that rows do not compete for the same places in the cache.
+const PITCH: usize = SIDE_BY_SIDE * 256 * 3 + 128;
+/// A row of cells. Its length is known when this is compiled, so that no access to it needs to be checked.
+type Buffer = [u8; ROWS * PITCH];
+
+thread_local! {
+    static BUFFER: Cell<Option<Box<Buffer>>> = const { Cell::new(None) };
+}
 
 /// Decodes parts of bricks that lie side by side by the fastest way that this machine has.
 pub(super) fn decode(codec: &Zerobit, parts: &[BrickPart<'_>], dst: ViewMut<'_>, stores: Stores) -> Result<()> {
-    // The first cell of a part is written from its first voxel on: only the first part may begin within a cell.
-    if parts.iter().skip(1).all(|p| p.region.start[0].is_multiple_of(CELL_EDGE)) {
-        return decode_run(codec, parts, dst, stores);
-    }
     let mut dst = dst;
-    let mut x = 0;
-    for part in parts {
-        let extent = part.region.extent();
-        decode_run(codec, std::slice::from_ref(part), dst.sub(&Region::at([x, 0, 0], extent)), stores)?;
-        x += extent.x;
+    let (mut rest, mut x) = (parts, 0);
+    while !rest.is_empty() {
+        // The first cell of a part is written from its first voxel on: only the first part may begin within a cell.
+        let fits = |p: &&BrickPart<'_>| p.region.start[0].is_multiple_of(CELL_EDGE);
+        let run = 1 + rest[1..].iter().take(SIDE_BY_SIDE - 1).take_while(fits).count();
+        let width = rest[..run].iter().map(|p| p.region.extent().x).sum();
+        let extent = Extent { x: width, ..dst.extent };
+        decode_run(codec, &rest[..run], dst.sub(&Region::at([x, 0, 0], extent)), stores)?;
+        (rest, x) = (&rest[run..], x + width);
     }
     Ok(())
 }
@@ -66,8 +78,8 @@ pub(super) fn decode_with<'a, K: Kernel>(
     // What the first cell has before its first wanted voxel, and what the last one has behind.
     let lead = (first.region.start[0] % CELL_EDGE) as usize * size;
     let row_bytes = dst.extent.x as usize * size;
-    let pitch = (lead + row_bytes + 2 * ROW).next_multiple_of(64);
-    let mut buffer = vec![0u8; pitch * ROWS];
+    assert!(lead + row_bytes + ROW <= PITCH, "at most four bricks of at most 256 voxels");
+    let mut buffer = BUFFER.take().unwrap_or_else(|| bytemuck::allocation::zeroed_box());
     let [_, y0, z0] = first.region.start;
     let [_, y1, z1] = first.region.end;
     for cz in z0 / CELL_EDGE..z1.div_ceil(CELL_EDGE) {
@@ -84,7 +96,7 @@ pub(super) fn decode_with<'a, K: Kernel>(
             }
             let mut at = 0;
             for (part, kernel) in parts.iter().zip(&kernels) {
-                let mut row = CellRow { buffer: &mut buffer, pitch, at, null: &null, rows };
+                let mut row = CellRow { buffer: &mut buffer, at, null: &null, rows };
                 row.decode(codec.stream(), part, [cy, cz], size, kernel);
                 at += part.region.extent().x as usize * size;
             }
@@ -92,12 +104,13 @@ pub(super) fn decode_with<'a, K: Kernel>(
                 for y in ys.clone() {
                     let to = (cy * CELL_EDGE + y - y0) as usize * dst.row_pitch
                         + (cz * CELL_EDGE + z - z0) as usize * dst.slice_pitch;
-                    let from = (y + 4 * z) as usize * pitch + lead;
+                    let from = (y + 4 * z) as usize * PITCH + lead;
                     copy(&mut dst.bytes[to..to + row_bytes], &buffer[from..from + row_bytes]);
                 }
             }
         }
     }
+    BUFFER.set(Some(buffer));
     Ok(())
 }
 
@@ -115,8 +128,7 @@ fn null_row(null: SampleValue) -> [u8; ROW] {
 
 /// A row of cells along x, in the buffer.
 struct CellRow<'a> {
-    buffer: &'a mut [u8],
-    pitch: usize,
+    buffer: &'a mut Buffer,
     /// Where the part's first cell starts in a row of the buffer.
     at: usize,
     null: &'a [u8; ROW],
@@ -143,9 +155,10 @@ impl CellRow<'_> {
             };
             for cx in from.max(ux * PER_UNIT)..to.min((ux + 1) * PER_UNIT) {
                 let n = cx % PER_UNIT | in_unit;
-                let first = self.at + (cx - from) as usize * 4 * size;
+                // No cell lies further to the right than the widest run has them.
+                let first = (self.at + (cx - from) as usize * 4 * size).min(PITCH - ROW);
                 let mut put = |i: usize, row: [u8; ROW]| {
-                    let to = i * self.pitch + first;
+                    let to = (i % ROWS) * PITCH + first;
                     self.buffer[to..to + ROW].copy_from_slice(&row);
                 };
                 match unit.as_ref().filter(|_| bits::has_cell(cbft, n)) {
