@@ -94,9 +94,11 @@ pub(super) fn decode_with<'a, K: Kernel>(
             for z in zs.clone() {
                 ys.clone().for_each(|y| rows |= 1 << (y + 4 * z));
             }
-            let mut at = 0;
+            let mut at = lead;
             for (part, kernel) in parts.iter().zip(&kernels) {
-                let mut row = CellRow { buffer: &mut buffer, at, null: &null, rows };
+                // The first cell of the first part begins before the part does.
+                let cell = at - (part.region.start[0] % CELL_EDGE) as usize * size;
+                let mut row = CellRow { buffer: &mut buffer, at: cell, null: &null, rows };
                 row.decode(codec.stream(), part, [cy, cz], size, kernel);
                 at += part.region.extent().x as usize * size;
             }
