@@ -39,7 +39,11 @@ fn everything_is_stored() {
     assert_eq!(bytes.len(), 8 + 320 + 640 + 4032);
     for rank in 0..64u32 {
         let offsets = u32::from_le_bytes(bytes[8 + 4 * rank as usize..][..4].try_into().unwrap());
-        assert_eq!(offsets, 63 * rank | (10 * rank) << 16 | 1 << 31, "12 and 10 bits, and the zerobit of level 0");
+        assert_eq!(
+            offsets,
+            (63 * rank) | ((10 * rank) << 16) | (1 << 31),
+            "12 and 10 bits, and the zerobit of level 0"
+        );
     }
     for cell in bytes[8 + 320..][..640].chunks(10) {
         assert_eq!(cell, [0xFF, 0xFF, 0x7F, 0x7F, 0x7F, 0x7F, 0x7F, 0x7F, 0x7F, 0x7F]);

@@ -167,6 +167,26 @@ fn read_every_way(volume: &Volume, lod: u8) {
     assert_eq!(beyond.code(), Code::Range, "no voxel lies in the padding");
 }
 
+#[test] // regions that begin and end anywhere, over one to five bricks side by side
+fn regions_across_bricks() {
+    let e = Extent::new(75, 9, 6);
+    let at = At::default();
+    for mut grid in [noise(e, |h| h as u8), noise(e, |h| (h >> 8) as u16), colours(e)] {
+        let volume = checked(&mut grid, &EncodeOptions { brick: Some(16), zstd: false, ..keep(400_000) }).1;
+        let whole = volume.read(at).unwrap();
+        for x0 in 0..20 {
+            for x1 in [x0 + 1, x0 + 6, 33, 49, 64, 75].into_iter().filter(|&x1| x1 > x0) {
+                let region = Region { start: [x0, x0 % 5, 1], end: [x1, 9, 6] };
+                let part = volume.read_region(at, region).unwrap();
+                for x in 0..x1 - x0 {
+                    let expected = whole.value([x0 + x, 8, 5]).unwrap();
+                    assert_eq!(part.value([x, 8 - x0 % 5, 4]).unwrap(), expected, "{region:?}, {x}");
+                }
+            }
+        }
+    }
+}
+
 #[test] // K-50, K-48, K-49: sizes, types, null values; spec: ZBT-12, ZBT-26
 fn sizes_types_and_null_values() {
     for dims in [[1, 1, 1], [17, 16, 16], [16, 16, 225], [5, 1, 66], [65, 3, 17]] {
