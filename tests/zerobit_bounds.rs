@@ -176,7 +176,7 @@ fn auto_on_colours() {
     assert!(report.notes[0].contains("zerobit cannot reach"), "{:?}", report.notes);
     // In reach, but no smaller than raw: many zeros.
     let mut few =
-        Grid::from_fn(Extent::cube(64), |c| if hash(c) % 4000 == 0 { [255u8, 0, 9] } else { [0; 3] }).unwrap();
+        Grid::from_fn(Extent::cube(64), |c| if hash(c).is_multiple_of(4000) { [255u8, 0, 9] } else { [0; 3] }).unwrap();
     let report = outcome("few", &mut few, &auto(Quality::MaxError(Bound::Absolute(4.0)))).unwrap();
     println!("few voxels: {} {:?}", report.codec, report.notes);
     // Without a bound colours stay as they are.
