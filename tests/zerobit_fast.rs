@@ -30,7 +30,7 @@ fn brick(extent: Extent, t: SampleType, seed: u64) -> Grid {
     let mut grid = Grid::zeros(extent, t).unwrap();
     let bytes = grid.bytes_mut();
     for (i, b) in bytes.iter_mut().enumerate() {
-        let soft = (i / t.bytes() / 9) as u64 * 5 & 127;
+        let soft = ((i / t.bytes() / 9) as u64 * 5) & 127;
         *b = (soft + noise(seed, i as u64) % 60) as u8;
     }
     grid

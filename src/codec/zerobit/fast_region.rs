@@ -56,7 +56,7 @@ fn decode_run(codec: &Zerobit, parts: &[BrickPart<'_>], dst: ViewMut<'_>, stores
     let t = dst.sample_type;
     let copy = |to: &mut [u8], from: &[u8]| to.copy_from_slice(from);
     if t == SampleType::Rgb8 {
-        decode_with(codec, |tables| PortableColour(tables), parts, dst, copy)
+        decode_with(codec, PortableColour, parts, dst, copy)
     } else {
         decode_with(codec, |tables| PortableGrey(tables, t), parts, dst, copy)
     }
@@ -79,7 +79,7 @@ pub(super) fn decode_with<'a, K: Kernel>(
     let lead = (first.region.start[0] % CELL_EDGE) as usize * size;
     let row_bytes = dst.extent.x as usize * size;
     assert!(lead + row_bytes + ROW <= PITCH, "at most four bricks of at most 256 voxels");
-    let mut buffer = BUFFER.take().unwrap_or_else(|| bytemuck::allocation::zeroed_box());
+    let mut buffer = BUFFER.take().unwrap_or_else(bytemuck::allocation::zeroed_box);
     let [_, y0, z0] = first.region.start;
     let [_, y1, z1] = first.region.end;
     for cz in z0 / CELL_EDGE..z1.div_ceil(CELL_EDGE) {
@@ -94,9 +94,11 @@ pub(super) fn decode_with<'a, K: Kernel>(
             for z in zs.clone() {
                 ys.clone().for_each(|y| rows |= 1 << (y + 4 * z));
             }
-            let mut at = 0;
+            let mut at = lead;
             for (part, kernel) in parts.iter().zip(&kernels) {
-                let mut row = CellRow { buffer: &mut buffer, at, null: &null, rows };
+                // The first cell of the first part begins before the part does.
+                let cell = at - (part.region.start[0] % CELL_EDGE) as usize * size;
+                let mut row = CellRow { buffer: &mut buffer, at: cell, null: &null, rows };
                 row.decode(codec.stream(), part, [cy, cz], size, kernel);
                 at += part.region.extent().x as usize * size;
             }
@@ -154,7 +156,7 @@ impl CellRow<'_> {
                 None => (0, 0),
             };
             for cx in from.max(ux * PER_UNIT)..to.min((ux + 1) * PER_UNIT) {
-                let n = cx % PER_UNIT | in_unit;
+                let n = (cx % PER_UNIT) | in_unit;
                 // No cell lies further to the right than the widest run has them.
                 let first = (self.at + (cx - from) as usize * 4 * size).min(PITCH - ROW);
                 let mut put = |i: usize, row: [u8; ROW]| {
