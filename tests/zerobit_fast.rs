@@ -152,3 +152,13 @@ proptest! {
         agree(&codec, &payload, extent, t, &Region::whole(extent));
     }
 }
+
+#[test]
+fn parts_wider_than_bricks_of_files_decode_too() {
+    let extent = Extent::new(1100, 5, 6);
+    for t in TYPES {
+        let (codec, payload) = encoded(&brick(extent, t, 3), Stream::New, 100_000);
+        agree(&codec, &payload, extent, t, &Region::whole(extent));
+        agree(&codec, &payload, extent, t, &Region { start: [3, 1, 0], end: [900, 4, 6] });
+    }
+}

@@ -13,6 +13,7 @@ use crate::codec::{BrickPart, Stores};
 use crate::error::Result;
 use crate::geometry::{Coord, Extent, Region};
 use crate::grid::ViewMut;
+use crate::limits;
 use crate::voxel::{SampleType, SampleValue};
 use crate::with_sample;
 use std::cell::Cell;
@@ -37,14 +38,25 @@ pub(super) fn decode(codec: &Zerobit, parts: &[BrickPart<'_>], dst: ViewMut<'_>,
     let (mut rest, mut x) = (parts, 0);
     while !rest.is_empty() {
         // The first cell of a part is written from its first voxel on: only the first part may begin within a cell.
-        let fits = |p: &&BrickPart<'_>| p.region.start[0].is_multiple_of(CELL_EDGE);
-        let run = 1 + rest[1..].iter().take(SIDE_BY_SIDE - 1).take_while(fits).count();
+        let fits = |p: &&BrickPart<'_>| p.region.start[0].is_multiple_of(CELL_EDGE) && is_brick(p);
+        let more = if is_brick(&rest[0]) { SIDE_BY_SIDE - 1 } else { 0 };
+        let run = 1 + rest[1..].iter().take(more).take_while(fits).count();
         let width = rest[..run].iter().map(|p| p.region.extent().x).sum();
         let extent = Extent { x: width, ..dst.extent };
-        decode_run(codec, &rest[..run], dst.sub(&Region::at([x, 0, 0], extent)), stores)?;
+        let dst = dst.sub(&Region::at([x, 0, 0], extent));
+        if is_brick(&rest[0]) {
+            decode_run(codec, &rest[..run], dst, stores)?;
+        } else {
+            codec.decode_plain(&rest[0], dst)?;
+        }
         (rest, x) = (&rest[run..], x + width);
     }
     Ok(())
+}
+
+/// Whether a part is no wider than the bricks of files are: the buffer holds four of them.
+fn is_brick(part: &BrickPart<'_>) -> bool {
+    part.region.extent().x <= 1 << limits::BRICK_LOG2.end()
 }
 
 fn decode_run(codec: &Zerobit, parts: &[BrickPart<'_>], dst: ViewMut<'_>, stores: Stores) -> Result<()> {
