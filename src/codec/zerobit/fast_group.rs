@@ -32,7 +32,7 @@ impl BrickReader<'_> {
     }
 
     #[inline(always)]
-    fn cell_portable<T: Sample>(&self, c: Coord, out: &mut [T; 64]) {
+    pub(super) fn cell_portable<T: Sample>(&self, c: Coord, out: &mut [T; 64]) {
         match T::TYPE {
             SampleType::Rgb8 => self.cell_with(&PortableColour(self.frame.tables), c, out),
             t => self.cell_with(&PortableGrey(self.frame.tables, t), c, out),
@@ -40,7 +40,7 @@ impl BrickReader<'_> {
     }
 
     #[inline(always)]
-    fn plane_portable<T: Sample>(&self, axis: usize, c: Coord, out: &mut [T; 16]) {
+    pub(super) fn plane_portable<T: Sample>(&self, axis: usize, c: Coord, out: &mut [T; 16]) {
         match T::TYPE {
             SampleType::Rgb8 => self.plane_with(&PortableColour(self.frame.tables), axis, c, out),
             t => self.plane_with(&PortableGrey(self.frame.tables, t), axis, c, out),

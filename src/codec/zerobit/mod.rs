@@ -196,3 +196,6 @@ fn value_of(word: Word, t: SampleType) -> SampleValue {
         SampleType::Rgb8 => SampleValue::Rgb8(word.map(|v| v as u8)),
     }
 }
+
+#[cfg(test)]
+mod tests;
