@@ -2,8 +2,8 @@
 
 use proptest::prelude::*;
 use std::sync::Arc;
-use vug::codec::Codec;
-use vug::codec::zerobit::{Book, Coder, Cut, Params, Plan, Stream, Trainer, Training, Word, Zerobit};
+use vug::codec::zerobit::{Book, Coder, Cut, Isa, Params, Plan, Stream, Trainer, Training, Word, Zerobit};
+use vug::codec::{BrickPart, Codec};
 use vug::geometry::{Extent, Region};
 use vug::grid::Grid;
 use vug::voxel::{SampleType, SampleValue};
@@ -69,6 +69,12 @@ fn agree(codec: &Codec, payload: &[u8], extent: Extent, t: SampleType, region: &
     let fast = decoded(codec, payload, extent, t, region, false);
     let plain = decoded(codec, payload, extent, t, region, true);
     assert!(fast.bytes() == plain.bytes(), "{t}, brick {extent}, region {region}");
+    let Codec::Zerobit(zerobit) = codec else { unreachable!("these tests are about zerobit") };
+    for isa in [Isa::Portable, Isa::Avx2] {
+        let mut out = Grid::zeros(region.extent(), t).unwrap();
+        zerobit.decode_on(isa, &BrickPart { payload, brick: extent, region: *region }, out.view_mut()).unwrap();
+        assert!(out.bytes() == plain.bytes(), "{isa:?}: {t}, brick {extent}, region {region}");
+    }
     let size = region.extent();
     for (i, z) in (0..size.z).enumerate() {
         for y in 0..size.y {

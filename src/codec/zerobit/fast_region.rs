@@ -32,8 +32,23 @@ thread_local! {
     static BUFFER: Cell<Option<Box<Buffer>>> = const { Cell::new(None) };
 }
 
-/// Decodes parts of bricks that lie side by side by the fastest way that this machine has.
-pub(super) fn decode(codec: &Zerobit, parts: &[BrickPart<'_>], dst: ViewMut<'_>, stores: Stores) -> Result<()> {
+/// Ways to decode regions that are slower than the best one; for tests and benches.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Isa {
+    /// Nothing but what every machine has.
+    Portable,
+    /// No more than AVX2.
+    Avx2,
+}
+
+/// Decodes parts of bricks that lie side by side: by the fastest way that this machine has, or by no better one than `isa`.
+pub(super) fn decode(
+    codec: &Zerobit,
+    parts: &[BrickPart<'_>],
+    dst: ViewMut<'_>,
+    stores: Stores,
+    isa: Option<Isa>,
+) -> Result<()> {
     let mut dst = dst;
     let (mut rest, mut x) = (parts, 0);
     while !rest.is_empty() {
@@ -45,7 +60,7 @@ pub(super) fn decode(codec: &Zerobit, parts: &[BrickPart<'_>], dst: ViewMut<'_>,
         let extent = Extent { x: width, ..dst.extent };
         let dst = dst.sub(&Region::at([x, 0, 0], extent));
         if is_brick(&rest[0]) {
-            decode_run(codec, &rest[..run], dst, stores)?;
+            decode_run(codec, &rest[..run], dst, stores, isa)?;
         } else {
             codec.decode_plain(&rest[0], dst)?;
         }
@@ -59,12 +74,20 @@ fn is_brick(part: &BrickPart<'_>) -> bool {
     part.region.extent().x <= 1 << limits::BRICK_LOG2.end()
 }
 
-fn decode_run(codec: &Zerobit, parts: &[BrickPart<'_>], dst: ViewMut<'_>, stores: Stores) -> Result<()> {
+fn decode_run(
+    codec: &Zerobit,
+    parts: &[BrickPart<'_>],
+    dst: ViewMut<'_>,
+    stores: Stores,
+    isa: Option<Isa>,
+) -> Result<()> {
     #[cfg(target_arch = "x86_64")]
     if let Some(token) = super::fast_v3::V3::detect() {
-        return super::fast_v3::decode(token, codec, parts, dst, stores);
+        if isa != Some(Isa::Portable) {
+            return super::fast_v3::decode(token, codec, parts, dst, stores, isa);
+        }
     }
-    let _ = stores; // streaming takes special instructions
+    let _ = (stores, isa); // streaming takes special instructions
     let t = dst.sample_type;
     let copy = |to: &mut [u8], from: &[u8]| to.copy_from_slice(from);
     if t == SampleType::Rgb8 {

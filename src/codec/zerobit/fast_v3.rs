@@ -4,7 +4,9 @@
 use super::Zerobit;
 use super::fast::{BrickReader, Parts, Portable, Sum};
 use super::fast_avx2::{colour_rows, colour_sum};
+use super::fast_avx512::colour_rows as wide_rows;
 use super::fast_cell::{Coded, Kernel, PortableGrey, ROW};
+use super::fast_region::Isa;
 use super::fast_region::decode_with;
 use super::tables::Tables;
 use crate::codec::{BrickPart, Stores};
@@ -86,7 +88,14 @@ pub(super) fn plane<T: Sample>(_: V3, reader: &BrickReader<'_>, axis: usize, c: 
 }
 
 /// Decodes parts of bricks that lie side by side.
-pub(super) fn decode(_: V3, codec: &Zerobit, parts: &[BrickPart<'_>], dst: ViewMut<'_>, stores: Stores) -> Result<()> {
+pub(super) fn decode(
+    _: V3,
+    codec: &Zerobit,
+    parts: &[BrickPart<'_>],
+    dst: ViewMut<'_>,
+    stores: Stores,
+    isa: Option<Isa>,
+) -> Result<()> {
     #[target_feature(enable = "avx2,bmi1,bmi2,popcnt,lzcnt")]
     fn inner(codec: &Zerobit, parts: &[BrickPart<'_>], dst: ViewMut<'_>, stores: Stores) -> Result<()> {
         let t = dst.sample_type;
@@ -100,9 +109,22 @@ pub(super) fn decode(_: V3, codec: &Zerobit, parts: &[BrickPart<'_>], dst: ViewM
             decode_with(codec, |tables| PortableGrey(tables, t), parts, dst, copy)
         }
     }
-    // SAFETY: the token proves the instructions. Streaming stores become visible in order with what follows.
+    #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vbmi2,avx2,bmi1,bmi2,popcnt,lzcnt")]
+    fn wide(codec: &Zerobit, parts: &[BrickPart<'_>], dst: ViewMut<'_>, stores: Stores, token: V4) -> Result<()> {
+        let copy = |to: &mut [u8], from: &[u8]| match stores {
+            Stores::Cached => to.copy_from_slice(from),
+            Stores::Streaming => stream(to, from),
+        };
+        decode_with(codec, |tables| WideCells(tables, token), parts, dst, copy)
+    }
+    // SAFETY: the tokens prove the instructions. Streaming stores become visible in order with what follows.
     unsafe {
-        let done = inner(codec, parts, dst, stores);
+        let done = match V4::detect() {
+            Some(token) if isa != Some(Isa::Avx2) && dst.sample_type == SampleType::Rgb8 => {
+                wide(codec, parts, dst, stores, token)
+            }
+            _ => inner(codec, parts, dst, stores),
+        };
         if stores == Stores::Streaming {
             _mm_sfence();
         }
@@ -134,6 +156,33 @@ impl Sum<[u8; 3]> for VectorColour {
     fn sum(&self, tables: &Tables, parts: &Parts) -> [u8; 3] {
         // SAFETY: the functions that use it have been entered with the token.
         unsafe { colour_sum(tables, parts) }
+    }
+}
+
+/// Proof that this machine has the instructions of AVX-512 that decode cells.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct V4(());
+
+impl V4 {
+    /// The proof, if there is one.
+    #[inline]
+    pub(super) fn detect() -> Option<V4> {
+        use std::arch::is_x86_feature_detected as has;
+        let bytes = has!("avx512vbmi") && has!("avx512vbmi2");
+        (V3::detect().is_some() && has!("avx512f") && has!("avx512bw") && has!("avx512vl") && bytes).then_some(V4(()))
+    }
+}
+
+/// Cells of colours with AVX-512.
+#[derive(Clone, Copy)]
+struct WideCells<'a>(&'a Tables, #[allow(dead_code, reason = "proves the instructions")] V4);
+
+impl Kernel for WideCells<'_> {
+    #[inline(always)]
+    fn rows(&self, cell: &Coded<'_>, rows: u16, put: impl FnMut(usize, [u8; ROW])) {
+        // A cell without level-1 details has four distinct rows: less work than all of it at once.
+        // SAFETY: the token proves the instructions.
+        unsafe { if cell.nodes == 0 { colour_rows(cell, self.0, rows, put) } else { wide_rows(cell, self.0, put) } }
     }
 }
 

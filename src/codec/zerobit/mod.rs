@@ -21,6 +21,8 @@ mod encode;
 mod fast;
 #[cfg(target_arch = "x86_64")]
 mod fast_avx2;
+#[cfg(target_arch = "x86_64")]
+mod fast_avx512;
 mod fast_cell;
 mod fast_group;
 mod fast_region;
@@ -41,6 +43,7 @@ mod transform;
 pub use book::{Book, MAX_WORDS, Word};
 pub use decode::{Coefficients, Context};
 pub use fast::{AHEAD, BrickFrame, BrickReader};
+pub use fast_region::Isa;
 pub use layout::{CELL_EDGE, Cell, Layout, OldCell, UNIT_CELLS, UNIT_EDGE, Unit, unit};
 pub use params::{KEEP_ALL, Norm, Params, Stream, Threshold, Training};
 pub use plan::{Coder, Cut, Plan};
@@ -160,7 +163,17 @@ impl Zerobit {
 
     /// Decodes parts of bricks that lie side by side, by the fastest way.
     pub(super) fn decode(&self, parts: &[BrickPart<'_>], dst: ViewMut<'_>, stores: Stores) -> Result<()> {
-        fast_region::decode(self, parts, dst, stores)
+        fast_region::decode(self, parts, dst, stores, None)
+    }
+
+    /// Decodes a part of a brick by no better way than `isa`; for tests and benches.
+    ///
+    /// # Errors
+    /// `E_REF` where the codebook is missing, `E_RANGE` where the part is not inside the brick, `E_PARAM` where the
+    /// destination does not fit it.
+    pub fn decode_on(&self, isa: Isa, part: &BrickPart<'_>, dst: ViewMut<'_>) -> Result<()> {
+        super::Codec::Zerobit(self.clone()).check_run(std::slice::from_ref(part), &dst)?;
+        fast_region::decode(self, std::slice::from_ref(part), dst, Stores::Cached, Some(isa))
     }
 
     /// Decodes a part of a brick cell by cell; the reference for every faster way. // spec: ZBT-26

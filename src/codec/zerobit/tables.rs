@@ -18,6 +18,8 @@ pub(super) struct Tables {
     pub(super) average_lanes: Box<[[i16; 4]; 256]>,
     /// Details in lanes.
     pub(super) detail_lanes: Box<[[i16; 4]; 256]>,
+    /// Details of 8 bits, a table per component, signed; of 16 bits: all 0.
+    pub(super) detail_planes: Box<[[[u8; 64]; 4]; 3]>,
 }
 
 impl std::fmt::Debug for Tables {
@@ -42,11 +44,18 @@ impl Tables {
             }
             table
         };
+        let mut detail_planes = Box::new([[[0; 64]; 4]; 3]);
+        for (i, word) in detail.iter().enumerate().take(256) {
+            for (plane, &v) in detail_planes.iter_mut().zip(word) {
+                plane[i / 64][i % 64] = i8::try_from(v).unwrap_or(0).cast_unsigned();
+            }
+        }
         Tables {
             average: packed(average),
             detail: packed(detail),
             average_lanes: lanes(average),
             detail_lanes: lanes(detail),
+            detail_planes,
         }
     }
 }
