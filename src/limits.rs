@@ -20,6 +20,8 @@ pub const MAX_TABLE_BYTES: u64 = 256 << 20;
 pub const MAX_ZSTD_WINDOW_LOG: u32 = 23;
 /// Codebooks of a file.
 pub const MAX_CODEBOOKS: u64 = 4096;
+/// Words of a codebook, of averages and of details each.
+pub const MAX_CODEBOOK_WORDS: u64 = 256;
 /// Most entries of the codec table.
 pub const MAX_CODECS: usize = 255;
 /// Most trees (time steps × channels).

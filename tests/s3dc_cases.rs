@@ -429,7 +429,7 @@ fn parameters_survive_the_wire_and_bad_ones_are_named() {
     assert_eq!([with(1, 1), with(2, 2), with(4, 0), with(5, 129), with(6, 255)], [Code::Param; 5]);
     assert_eq!([with(3, 1), with(7, 1), with(27, 0x80)], [Code::Reserved; 3]);
     let code = |id, version, b| Codec::from_wire(id, version, b, vug::voxel::SampleValue::U8(0)).unwrap_err().code();
-    assert_eq!([code(0, 1, &good), code(3, 1, &good), code(2, 2, &good), code(2, 0, &good)], [Code::Codec; 4]);
+    assert_eq!([code(0, 1, &good), code(4, 1, &good), code(2, 2, &good), code(2, 0, &good)], [Code::Codec; 4]);
     assert_eq!([code(1, 2, &[0; 28]), code(65_535, 65_535, &[0; 28])], [Code::Codec; 2]);
     assert_eq!(code(1, 1, &good), Code::Reserved);
     assert_eq!(codec(4, [4, 4, 4]).supports(SampleType::Rgb8).unwrap_err().code(), Code::Param);

@@ -30,7 +30,7 @@ fn brick(extent: Extent, t: SampleType, seed: u64) -> Grid {
     let mut grid = Grid::zeros(extent, t).unwrap();
     let bytes = grid.bytes_mut();
     for (i, b) in bytes.iter_mut().enumerate() {
-        let soft = (i / t.bytes() / 9) as u64 * 5 & 127;
+        let soft = ((i / t.bytes() / 9) as u64 * 5) & 127;
         *b = (soft + noise(seed, i as u64) % 60) as u8;
     }
     grid
@@ -150,5 +150,15 @@ proptest! {
             payload[16 + 4 * i..20 + 4 * i].copy_from_slice(&(base << 8 | (noise(seed, i as u64) as u32 & 0xFF)).to_le_bytes());
         }
         agree(&codec, &payload, extent, t, &Region::whole(extent));
+    }
+}
+
+#[test]
+fn parts_wider_than_bricks_of_files_decode_too() {
+    let extent = Extent::new(1100, 5, 6);
+    for t in TYPES {
+        let (codec, payload) = encoded(&brick(extent, t, 3), Stream::New, 100_000);
+        agree(&codec, &payload, extent, t, &Region::whole(extent));
+        agree(&codec, &payload, extent, t, &Region { start: [3, 1, 0], end: [900, 4, 6] });
     }
 }

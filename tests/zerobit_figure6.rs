@@ -9,7 +9,7 @@ use vug::geometry::Extent;
 use vug::voxel::{SampleType, SampleValue};
 use zerobit_support::*;
 
-#[test] // K-55; spec: ZBT-15, ZBT-16, ZBT-20, ZBT-21
+#[test] // K-55, V9; spec: ZBT-15, ZBT-16, ZBT-20, ZBT-21
 fn the_unit_block_has_the_bytes_of_the_figure() {
     let bytes = new_unit(&figure());
     assert_eq!((bytes.len(), crc32(&bytes)), (132, 0xF473_E3AF));

@@ -168,7 +168,7 @@ pub(super) struct Encode {
     #[command(flatten)]
     pub(super) zerobit: ZerobitArgs,
     /// Store only the cells of 4×4×4 voxels where this volume (any readable file of the same shape) is not 0; the rest
-    /// becomes the null value
+    /// becomes the null value. A raw mask has a byte per voxel
     #[arg(long, value_name = "MASK")]
     pub(super) select: Option<PathBuf>,
     /// Brick edge in voxels: 16, 32, 64, 128, 256 [default: 64, or as large as the block]

@@ -1,4 +1,4 @@
-//! Brick codecs: a closed set, chosen by the codec table of a volume (spec chapters 7 and 8).
+//! Brick codecs: a closed set, chosen by the codec table of a volume (spec chapters 7, 8 and 14).
 //!
 //! A codec turns one brick of samples into a payload of a known length and back. Payloads are little-endian; samples in
 //! memory are in the machine's byte order. Every fast path has a plain scalar twin, [`Codec::decode_plain`], that is

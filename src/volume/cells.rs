@@ -4,12 +4,11 @@ use super::bricks::Payload;
 use super::codecs::Entry;
 use super::open::Volume;
 use crate::codec::Codec;
-use crate::codec::zerobit::BrickReader;
+use crate::codec::zerobit::{BrickFrame, BrickReader};
 use crate::container::NodeKind;
 use crate::error::Result;
 use crate::geometry::Coord;
 use std::cell::{Cell, OnceCell};
-use std::sync::Arc;
 
 /// Bricks that a table is made for at most.
 const MAX_BRICKS: u64 = 1 << 16;
@@ -29,9 +28,8 @@ pub(super) struct Cells<'a> {
 
 /// A stored brick.
 struct Brick<'a> {
-    /// Reads the payload, where that lies in the file; else it has none.
-    reader: BrickReader<'a>,
-    copy: Option<Arc<[u8]>>,
+    frame: BrickFrame<'a>,
+    payload: Payload<'a>,
 }
 
 impl<'a> Cells<'a> {
@@ -71,11 +69,7 @@ impl<'a> Cells<'a> {
     pub(super) fn find(&self, c: Coord) -> Option<(BrickReader<'_>, Coord)> {
         let brick = self.known.get(self.index(c)?)?.get()?;
         let mask = (1 << self.brick_log2) - 1;
-        let reader = match &brick.copy {
-            None => brick.reader,
-            Some(payload) => brick.reader.with_payload(payload),
-        };
-        Some((reader, c.map(|v| v & mask)))
+        Some((brick.frame.reader(&brick.payload), c.map(|v| v & mask)))
     }
 
     /// Finds the brick that holds `c` and notes it, where it is stored with zerobit and may be kept.
@@ -93,15 +87,12 @@ impl<'a> Cells<'a> {
         let Codec::Zerobit(codec) = entry.codec() else { return Ok(()) };
         let extent = volume.codecs.layout(layout).extent;
         let payload = volume.payload(&found, layout)?;
-        let brick = match payload {
-            Payload::Slice(bytes) => Brick { reader: codec.reader(bytes, extent)?, copy: None },
-            Payload::Shared(bytes) => {
-                let Some(left) = self.budget.get().checked_sub(bytes.len() as u64) else { return Ok(()) };
-                self.budget.set(left);
-                Brick { reader: codec.reader_without(&bytes, extent)?, copy: Some(bytes) }
-            }
-        };
-        let _ = slot.set(brick);
+        if let Payload::Shared(bytes) = &payload {
+            let Some(left) = self.budget.get().checked_sub(bytes.len() as u64) else { return Ok(()) };
+            self.budget.set(left);
+        }
+        let _ =
+            slot.set(Brick { frame: codec.frame(&payload, extent)?.in_volume(volume.info().payload_bytes), payload });
         Ok(())
     }
 }

@@ -22,7 +22,7 @@ pub(super) const MOST_LOOKS: u64 = 2 * 24;
 /// What a search has found.
 pub(super) enum Found {
     Choice(Box<Choice>),
-    /// No ratio holds the bound; what all coefficients reach, in words.
+    /// No ratio that was tried holds the bound; what the best of them reaches, in words.
     Missed(String),
 }
 
@@ -70,11 +70,20 @@ pub(super) fn choose_keep(
         };
         Ok((held, stats))
     };
+    // More coefficients share 256 words: the error may grow again, so that the best is not always the last.
+    let mut best = None;
+    let off = |stats: &BrickStats| match options.quality {
+        Quality::Psnr(_) => stats.error.rmse(),
+        _ => stats.error.max_abs,
+    };
     // `below` is on this side of the edge, `beyond` on that one.
     let (mut below, mut beyond) = (None, None);
     let mut keep = FIRST;
     let edge = loop {
         let (is_beyond, stats) = run(keep)?;
+        if best.as_ref().is_none_or(|(_, best)| off(&stats) < off(best)) {
+            best = Some((keep, stats));
+        }
         if is_beyond {
             beyond = Some(keep);
         } else {
@@ -85,11 +94,12 @@ pub(super) fn choose_keep(
                 if rate.is_some() {
                     break KEEP_ALL;
                 }
-                let e = &stats.error;
+                let (keep, stats) = best.expect("some have been tried");
                 return Ok(Found::Missed(format!(
-                    ": with all coefficients the largest error is {}, the root mean square {:.4}",
-                    e.max_abs,
-                    e.rmse()
+                    ": with {} % of the coefficients, the best, the largest error is {}, the root mean square {:.4}",
+                    f64::from(keep) / 1e4,
+                    stats.error.max_abs,
+                    stats.error.rmse()
                 )));
             }
             (Some(below), None) => below.saturating_mul(3).min(KEEP_ALL),

@@ -1,13 +1,13 @@
 //! `vug encode`: a foreign volume becomes a `.vug` file.
 
 use crate::cli::args::{
-    CodecArg, Encode, EndpointsArg, NanArg, NormArg, StreamArg, ThresholdArg, TrainingArg, ZerobitArgs,
+    CodecArg, Encode, EndpointsArg, Import, NanArg, NormArg, StreamArg, ThresholdArg, TrainingArg, ZerobitArgs,
 };
 use crate::cli::load::{check_import, import_options, load};
 use crate::cli::output::{Verdict, bytes_text, number, progress, psnr_text};
 use crate::codec::s3dc::Endpoints;
 use crate::codec::zerobit;
-use crate::convert::{self, Format};
+use crate::convert::{self, Format, Kind};
 use crate::error::{Error, Result};
 use crate::geometry::Extent;
 use crate::source::AtomicFile;
@@ -27,7 +27,7 @@ pub(super) fn run(args: &Encode) -> Result<Verdict> {
         options.codec = CodecChoice::Auto; // s3dc is for scalars
     }
     if let Some(mask) = &args.select {
-        options.selection = Some(Selection::from_mask(&mut load(mask, &args.import)?.grid)?);
+        options.selection = Some(Selection::from_mask(&mut load(mask, &of_mask(mask, source.reader.extent()))?.grid)?);
     }
     options.placement = source.placement.clone();
     options.value_map = source.value_map;
@@ -55,6 +55,12 @@ pub(super) fn run(args: &Encode) -> Result<Verdict> {
         eprintln!("note: {note}");
     }
     Ok(Verdict::Ok)
+}
+
+/// How a mask is read: `--shape` and `--dtype` are for the source. A raw mask has its shape, and a byte per voxel.
+fn of_mask(mask: &Path, shape: Extent) -> Import {
+    let raw = Format::of_path(mask) == Some(Format::Raw);
+    Import { shape: raw.then_some(shape), dtype: raw.then(|| Kind::U8.into()) }
 }
 
 /// What no codec would notice: a target that would destroy the source or mislead, options that have no effect.

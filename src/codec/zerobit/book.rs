@@ -9,7 +9,7 @@ use crate::voxel::SampleType;
 pub type Word = [i32; 3];
 
 /// Most words of one kind.
-pub const MAX_WORDS: usize = 256;
+pub const MAX_WORDS: usize = limits::MAX_CODEBOOK_WORDS as usize;
 /// Bytes before the words of a codebook.
 const HEADER_BYTES: usize = 8;
 /// Kind of a codebook with average and detail words of zerobit.

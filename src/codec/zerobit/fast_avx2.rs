@@ -5,6 +5,7 @@
 #![allow(unsafe_code, reason = "intrinsics; loads and stores of vectors")]
 
 use super::bits;
+use super::fast::{self, Parts};
 use super::fast_cell::{Coded, ROW};
 use super::layout::bytes;
 use super::tables::Tables;
@@ -103,6 +104,36 @@ pub(super) fn colour_rows(cell: &Coded<'_>, tables: &Tables, rows: u16, mut put:
             }
         }
     }
+}
+
+/// Details of a level-0 node that are added without asking whether they are there.
+const UNASKED: u32 = 3;
+
+/// Multipliers by the codes of `fast::SIGNS`, in four lanes: not there, not there, added, subtracted.
+static FACTORS: [[i16; 4]; 4] = [[0; 4], [0; 4], [1; 4], [-1; 4]];
+
+/// A voxel: its average and the details of both nodes that it lies in, clamped.
+#[inline]
+#[target_feature(enable = "avx2,bmi1,bmi2,popcnt,lzcnt")]
+pub(super) fn colour_sum(tables: &Tables, parts: &Parts) -> [u8; 3] {
+    let lanes = |word: [i16; 4]| _mm_cvtsi64_si128(i64::from_ne_bytes(bytemuck::cast(word)));
+    let mut sum = parts.average.map_or(_mm_setzero_si128(), |index| lanes(tables.average_lanes[usize::from(index)]));
+    let add = |sum: &mut __m128i, indices: u64, signs: u16, k: u32| {
+        let word = lanes(tables.detail_lanes[(indices >> (8 * k) & 0xFF) as usize]);
+        let factor = lanes(FACTORS[usize::from(signs >> (2 * k) & 3)]);
+        *sum = _mm_add_epi16(*sum, _mm_sign_epi16(word, factor));
+    };
+    let signs = |(map, place, _): (u8, u32, u64)| fast::SIGNS[place as usize & 7][usize::from(map & 0x7F)];
+    let [level_0, level_1] = parts.nodes;
+    let code = signs(level_0);
+    (0..UNASKED).for_each(|k| add(&mut sum, level_0.2, code, k));
+    (UNASKED..u32::from(level_0.0).count_ones()).for_each(|k| add(&mut sum, level_0.2, code, k));
+    if level_1.0 != 0 {
+        let code = signs(level_1);
+        (0..u32::from(level_1.0).count_ones()).for_each(|k| add(&mut sum, level_1.2, code, k));
+    }
+    let bytes = _mm_cvtsi128_si32(_mm_packus_epi16(sum, sum)).to_le_bytes();
+    [bytes[0], bytes[1], bytes[2]]
 }
 
 /// A word of the detail codebook in all four voxels of a row.

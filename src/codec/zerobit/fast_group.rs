@@ -14,7 +14,7 @@ impl BrickReader<'_> {
     #[inline(always)]
     pub fn cell<T: Sample>(&self, c: Coord, out: &mut [T; 64]) {
         #[cfg(target_arch = "x86_64")]
-        if let Some(token) = self.v3 {
+        if let Some(token) = self.frame.v3 {
             return super::fast_v3::cell(token, self, c, out);
         }
         self.cell_portable(c, out);
@@ -25,32 +25,32 @@ impl BrickReader<'_> {
     #[inline(always)]
     pub fn plane<T: Sample>(&self, axis: usize, c: Coord, out: &mut [T; 16]) {
         #[cfg(target_arch = "x86_64")]
-        if let Some(token) = self.v3 {
+        if let Some(token) = self.frame.v3 {
             return super::fast_v3::plane(token, self, axis, c, out);
         }
         self.plane_portable(axis, c, out);
     }
 
     #[inline(always)]
-    fn cell_portable<T: Sample>(&self, c: Coord, out: &mut [T; 64]) {
+    pub(super) fn cell_portable<T: Sample>(&self, c: Coord, out: &mut [T; 64]) {
         match T::TYPE {
-            SampleType::Rgb8 => self.cell_with(&PortableColour(self.tables), c, out),
-            t => self.cell_with(&PortableGrey(self.tables, t), c, out),
+            SampleType::Rgb8 => self.cell_with(&PortableColour(self.frame.tables), c, out),
+            t => self.cell_with(&PortableGrey(self.frame.tables, t), c, out),
         }
     }
 
     #[inline(always)]
-    fn plane_portable<T: Sample>(&self, axis: usize, c: Coord, out: &mut [T; 16]) {
+    pub(super) fn plane_portable<T: Sample>(&self, axis: usize, c: Coord, out: &mut [T; 16]) {
         match T::TYPE {
-            SampleType::Rgb8 => self.plane_with(&PortableColour(self.tables), axis, c, out),
-            t => self.plane_with(&PortableGrey(self.tables, t), axis, c, out),
+            SampleType::Rgb8 => self.plane_with(&PortableColour(self.frame.tables), axis, c, out),
+            t => self.plane_with(&PortableGrey(self.frame.tables, t), axis, c, out),
         }
     }
 
     #[inline(always)]
     pub(super) fn cell_with<T: Sample>(&self, kernel: &impl Kernel, c: Coord, out: &mut [T; 64]) {
         match self.coded(c) {
-            None => *out = [to_sample(self.null); 64],
+            None => *out = [to_sample(self.frame.null); 64],
             Some(coded) => {
                 let bytes = bytemuck::cast_slice_mut(out);
                 // Rows come in the order of quarters: only what follows for certain may be written over.
@@ -65,7 +65,7 @@ impl BrickReader<'_> {
     #[inline(always)]
     pub(super) fn plane_with<T: Sample>(&self, kernel: &impl Kernel, axis: usize, c: Coord, out: &mut [T; 16]) {
         let Some(coded) = self.coded(c) else {
-            *out = [to_sample(self.null); 16];
+            *out = [to_sample(self.frame.null); 16];
             return;
         };
         let at = (c[axis % 3] & 3) as usize;
@@ -106,7 +106,7 @@ impl BrickReader<'_> {
             return None;
         }
         let rank = bits::cells_before(cbft, n).count_ones() as usize;
-        Some(match self.stream {
+        Some(match self.frame.stream {
             Stream::New => Coded::new(&unit.cell_of_rank(rank)),
             Stream::Old => Coded::old(&unit.old_cell_of_rank(rank)),
         })

@@ -13,6 +13,7 @@ use crate::codec::{BrickPart, Stores};
 use crate::error::Result;
 use crate::geometry::{Coord, Extent, Region};
 use crate::grid::ViewMut;
+use crate::limits;
 use crate::voxel::{SampleType, SampleValue};
 use crate::with_sample;
 use std::cell::Cell;
@@ -37,14 +38,25 @@ pub(super) fn decode(codec: &Zerobit, parts: &[BrickPart<'_>], dst: ViewMut<'_>,
     let (mut rest, mut x) = (parts, 0);
     while !rest.is_empty() {
         // The first cell of a part is written from its first voxel on: only the first part may begin within a cell.
-        let fits = |p: &&BrickPart<'_>| p.region.start[0].is_multiple_of(CELL_EDGE);
-        let run = 1 + rest[1..].iter().take(SIDE_BY_SIDE - 1).take_while(fits).count();
+        let fits = |p: &&BrickPart<'_>| p.region.start[0].is_multiple_of(CELL_EDGE) && is_brick(p);
+        let more = if is_brick(&rest[0]) { SIDE_BY_SIDE - 1 } else { 0 };
+        let run = 1 + rest[1..].iter().take(more).take_while(fits).count();
         let width = rest[..run].iter().map(|p| p.region.extent().x).sum();
         let extent = Extent { x: width, ..dst.extent };
-        decode_run(codec, &rest[..run], dst.sub(&Region::at([x, 0, 0], extent)), stores)?;
+        let dst = dst.sub(&Region::at([x, 0, 0], extent));
+        if is_brick(&rest[0]) {
+            decode_run(codec, &rest[..run], dst, stores)?;
+        } else {
+            codec.decode_plain(&rest[0], dst)?;
+        }
         (rest, x) = (&rest[run..], x + width);
     }
     Ok(())
+}
+
+/// Whether a part is no wider than the bricks of files are: the buffer holds four of them.
+fn is_brick(part: &BrickPart<'_>) -> bool {
+    part.region.extent().x <= 1 << limits::BRICK_LOG2.end()
 }
 
 fn decode_run(codec: &Zerobit, parts: &[BrickPart<'_>], dst: ViewMut<'_>, stores: Stores) -> Result<()> {
@@ -56,7 +68,7 @@ fn decode_run(codec: &Zerobit, parts: &[BrickPart<'_>], dst: ViewMut<'_>, stores
     let t = dst.sample_type;
     let copy = |to: &mut [u8], from: &[u8]| to.copy_from_slice(from);
     if t == SampleType::Rgb8 {
-        decode_with(codec, |tables| PortableColour(tables), parts, dst, copy)
+        decode_with(codec, PortableColour, parts, dst, copy)
     } else {
         decode_with(codec, |tables| PortableGrey(tables, t), parts, dst, copy)
     }
@@ -79,7 +91,7 @@ pub(super) fn decode_with<'a, K: Kernel>(
     let lead = (first.region.start[0] % CELL_EDGE) as usize * size;
     let row_bytes = dst.extent.x as usize * size;
     assert!(lead + row_bytes + ROW <= PITCH, "at most four bricks of at most 256 voxels");
-    let mut buffer = BUFFER.take().unwrap_or_else(|| bytemuck::allocation::zeroed_box());
+    let mut buffer = BUFFER.take().unwrap_or_else(bytemuck::allocation::zeroed_box);
     let [_, y0, z0] = first.region.start;
     let [_, y1, z1] = first.region.end;
     for cz in z0 / CELL_EDGE..z1.div_ceil(CELL_EDGE) {
@@ -94,9 +106,11 @@ pub(super) fn decode_with<'a, K: Kernel>(
             for z in zs.clone() {
                 ys.clone().for_each(|y| rows |= 1 << (y + 4 * z));
             }
-            let mut at = 0;
+            let mut at = lead;
             for (part, kernel) in parts.iter().zip(&kernels) {
-                let mut row = CellRow { buffer: &mut buffer, at, null: &null, rows };
+                // The first cell of the first part begins before the part does.
+                let cell = at - (part.region.start[0] % CELL_EDGE) as usize * size;
+                let mut row = CellRow { buffer: &mut buffer, at: cell, null: &null, rows };
                 row.decode(codec.stream(), part, [cy, cz], size, kernel);
                 at += part.region.extent().x as usize * size;
             }
@@ -154,7 +168,7 @@ impl CellRow<'_> {
                 None => (0, 0),
             };
             for cx in from.max(ux * PER_UNIT)..to.min((ux + 1) * PER_UNIT) {
-                let n = cx % PER_UNIT | in_unit;
+                let n = (cx % PER_UNIT) | in_unit;
                 // No cell lies further to the right than the widest run has them.
                 let first = (self.at + (cx - from) as usize * 4 * size).min(PITCH - ROW);
                 let mut put = |i: usize, row: [u8; ROW]| {

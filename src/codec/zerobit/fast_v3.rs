@@ -2,8 +2,8 @@
 #![allow(unsafe_code, reason = "calls of functions that need these instructions")]
 
 use super::Zerobit;
-use super::fast::BrickReader;
-use super::fast_avx2::colour_rows;
+use super::fast::{BrickReader, Parts, Portable, Sum};
+use super::fast_avx2::{colour_rows, colour_sum};
 use super::fast_cell::{Coded, Kernel, PortableGrey, ROW};
 use super::fast_region::decode_with;
 use super::tables::Tables;
@@ -11,7 +11,7 @@ use crate::codec::{BrickPart, Stores};
 use crate::error::Result;
 use crate::geometry::Coord;
 use crate::grid::ViewMut;
-use crate::voxel::{Sample, SampleType};
+use crate::voxel::{Sample, SampleType, same};
 use std::arch::x86_64::{_mm_sfence, _mm256_loadu_si256, _mm256_stream_si256};
 
 /// Proof that this machine has the instructions of x86-64-v3 that are used here.
@@ -32,7 +32,10 @@ impl V3 {
 pub(super) fn voxel<T: Sample>(_: V3, reader: &BrickReader<'_>, c: Coord) -> T {
     #[target_feature(enable = "avx2,bmi1,bmi2,popcnt,lzcnt")]
     fn inner<T: Sample>(reader: &BrickReader<'_>, c: Coord) -> T {
-        reader.voxel_portable(c)
+        match T::TYPE {
+            SampleType::Rgb8 => same(reader.single_with::<[u8; 3]>(c, &VectorColour)),
+            _ => reader.single_with(c, &Portable),
+        }
     }
     // SAFETY: the token proves the instructions.
     unsafe { inner(reader, c) }
@@ -42,7 +45,13 @@ pub(super) fn voxel<T: Sample>(_: V3, reader: &BrickReader<'_>, c: Coord) -> T {
 pub(super) fn voxels<T: Sample>(_: V3, readers: &[BrickReader<'_>], coords: &[Coord], out: &mut [T]) {
     #[target_feature(enable = "avx2,bmi1,bmi2,popcnt,lzcnt")]
     fn inner<T: Sample>(readers: &[BrickReader<'_>], coords: &[Coord], out: &mut [T]) {
-        BrickReader::voxels_portable(readers, coords, out);
+        match T::TYPE {
+            SampleType::Rgb8 => {
+                let out: &mut [[u8; 3]] = bytemuck::cast_slice_mut(out);
+                BrickReader::voxels_with(readers, coords, out, &VectorColour);
+            }
+            _ => BrickReader::voxels_with(readers, coords, out, &Portable),
+        }
     }
     // SAFETY: the token proves the instructions.
     unsafe { inner(readers, coords, out) }
@@ -54,8 +63,8 @@ pub(super) fn cell<T: Sample>(_: V3, reader: &BrickReader<'_>, c: Coord, out: &m
     #[target_feature(enable = "avx2,bmi1,bmi2,popcnt,lzcnt")]
     fn inner<T: Sample>(reader: &BrickReader<'_>, c: Coord, out: &mut [T; 64]) {
         match T::TYPE {
-            SampleType::Rgb8 => reader.cell_with(&VectorColour(reader.tables, V3(())), c, out),
-            t => reader.cell_with(&PortableGrey(reader.tables, t), c, out),
+            SampleType::Rgb8 => reader.cell_with(&VectorCells(reader.frame.tables, V3(())), c, out),
+            t => reader.cell_with(&PortableGrey(reader.frame.tables, t), c, out),
         }
     }
     // SAFETY: the token proves the instructions.
@@ -68,8 +77,8 @@ pub(super) fn plane<T: Sample>(_: V3, reader: &BrickReader<'_>, axis: usize, c: 
     #[target_feature(enable = "avx2,bmi1,bmi2,popcnt,lzcnt")]
     fn inner<T: Sample>(reader: &BrickReader<'_>, axis: usize, c: Coord, out: &mut [T; 16]) {
         match T::TYPE {
-            SampleType::Rgb8 => reader.plane_with(&VectorColour(reader.tables, V3(())), axis, c, out),
-            t => reader.plane_with(&PortableGrey(reader.tables, t), axis, c, out),
+            SampleType::Rgb8 => reader.plane_with(&VectorCells(reader.frame.tables, V3(())), axis, c, out),
+            t => reader.plane_with(&PortableGrey(reader.frame.tables, t), axis, c, out),
         }
     }
     // SAFETY: the token proves the instructions.
@@ -86,7 +95,7 @@ pub(super) fn decode(_: V3, codec: &Zerobit, parts: &[BrickPart<'_>], dst: ViewM
             Stores::Streaming => stream(to, from),
         };
         if t == SampleType::Rgb8 {
-            decode_with(codec, |tables| VectorColour(tables, V3(())), parts, dst, copy)
+            decode_with(codec, |tables| VectorCells(tables, V3(())), parts, dst, copy)
         } else {
             decode_with(codec, |tables| PortableGrey(tables, t), parts, dst, copy)
         }
@@ -117,11 +126,22 @@ fn stream(to: &mut [u8], from: &[u8]) {
     to[whole..].copy_from_slice(&from[whole..]);
 }
 
-/// Colours with AVX2.
-#[derive(Clone, Copy)]
-struct VectorColour<'a>(&'a Tables, #[allow(dead_code, reason = "proves the instructions")] V3);
+/// Voxels of colours with AVX2; only functions that have the instructions make one.
+struct VectorColour;
 
-impl Kernel for VectorColour<'_> {
+impl Sum<[u8; 3]> for VectorColour {
+    #[inline(always)]
+    fn sum(&self, tables: &Tables, parts: &Parts) -> [u8; 3] {
+        // SAFETY: the functions that use it have been entered with the token.
+        unsafe { colour_sum(tables, parts) }
+    }
+}
+
+/// Cells of colours with AVX2.
+#[derive(Clone, Copy)]
+struct VectorCells<'a>(&'a Tables, #[allow(dead_code, reason = "proves the instructions")] V3);
+
+impl Kernel for VectorCells<'_> {
     #[inline(always)]
     fn rows(&self, cell: &Coded<'_>, rows: u16, put: impl FnMut(usize, [u8; ROW])) {
         // SAFETY: the token proves the instructions.

@@ -40,7 +40,7 @@ mod transform;
 
 pub use book::{Book, MAX_WORDS, Word};
 pub use decode::{Coefficients, Context};
-pub use fast::{AHEAD, BrickReader};
+pub use fast::{AHEAD, BrickFrame, BrickReader};
 pub use layout::{CELL_EDGE, Cell, Layout, OldCell, UNIT_CELLS, UNIT_EDGE, Unit, unit};
 pub use params::{KEEP_ALL, Norm, Params, Stream, Threshold, Training};
 pub use plan::{Coder, Cut, Plan};
@@ -142,26 +142,19 @@ impl Zerobit {
         check::check(self.stream, &Layout::new(brick), payload, self.book(payload)?)
     }
 
-    /// A reader of single voxels, planes and cells of a brick.
+    /// What readers of single voxels, planes and cells of a brick with this payload need besides it.
     ///
     /// # Errors
     /// `E_REF` where the codebook is missing.
-    pub fn reader<'a>(&'a self, payload: &'a [u8], brick: Extent) -> Result<BrickReader<'a>> {
-        Ok(self.reader_without(payload, brick)?.with_payload(payload))
-    }
-
-    /// The same, still to be given its payload by [`BrickReader::with_payload`].
-    ///
-    /// # Errors
-    /// As [`Zerobit::reader`].
-    pub fn reader_without(&self, payload: &[u8], brick: Extent) -> Result<BrickReader<'_>> {
+    pub fn frame(&self, payload: &[u8], brick: Extent) -> Result<BrickFrame<'_>> {
         let null = tables::pack(self.null_components::<3>());
-        Ok(BrickReader::new(&[], &self.book(payload)?.tables, Layout::new(brick).units, self.stream, null))
+        Ok(BrickFrame::new(&self.book(payload)?.tables, Layout::new(brick).units, self.stream, null))
     }
 
     /// One voxel, the fast way. Length and coordinate have been checked.
     pub(super) fn voxel(&self, payload: &[u8], t: SampleType, brick: Extent, c: Coord) -> Result<SampleValue> {
-        let reader = self.reader(payload, brick)?;
+        let frame = self.frame(payload, brick)?;
+        let reader = frame.reader(payload);
         Ok(with_sample!(t, T => Sample::value(reader.voxel::<T>(c))))
     }
 
@@ -203,3 +196,6 @@ fn value_of(word: Word, t: SampleType) -> SampleValue {
         SampleType::Rgb8 => SampleValue::Rgb8(word.map(|v| v as u8)),
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -20,9 +20,12 @@ impl Survey {
         self.voxels += other.voxels;
     }
 
-    /// Coefficients to keep: `keep_ppm` millionths of as many as there are voxels.
+    /// Coefficients to keep: `keep_ppm` millionths of as many as there are voxels; all of them for [`KEEP_ALL`].
     #[must_use]
     pub fn budget(&self, keep_ppm: u32) -> u64 {
+        if keep_ppm == KEEP_ALL {
+            return self.voxels.max(self.nonzero); // cells that the extent cuts have more coefficients than voxels
+        }
         let kept = u128::from(self.voxels) * u128::from(keep_ppm) / u128::from(KEEP_ALL);
         u64::try_from(kept).expect("no more than there are voxels")
     }
