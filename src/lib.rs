@@ -28,3 +28,8 @@ pub use error::{Code, Error, Result};
 pub use geometry::{Extent, Region};
 pub use grid::Grid;
 pub use voxel::SampleType;
+
+/// The examples of the README, compiled and run with the doc tests.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+pub struct Readme;

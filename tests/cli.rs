@@ -301,20 +301,81 @@ fn help_has_examples() {
 }
 
 #[test]
-fn demo_makes_a_page_that_needs_nothing_else() {
+fn a_colour_volume_from_file_to_picture() {
     let dir = tempfile::tempdir().unwrap();
     let d = dir.path();
-    ok(d, &["demo", "out"]);
-    let page = std::fs::read_to_string(d.join("out/index.html")).unwrap();
+    let extent = Extent::new(40, 36, 20);
+    let grid = vug::Grid::from_fn(extent, |[x, y, z]| {
+        let inside = (x as i32 - 20).pow(2) + (y as i32 - 18).pow(2) < 200;
+        if inside { [(6 * x) as u8, (3 * y + 4 * z) as u8, 90] } else { [0; 3] }
+    });
+    std::fs::write(d.join("c.raw"), grid.unwrap().bytes()).unwrap();
+    let raw = ["--shape", "40,36,20", "--dtype", "rgb8"];
+    let report = json(d, &[&["encode", "c.raw", "c.vug", "--keep", "20%", "--training", "refined"], &raw[..]].concat());
+    assert_eq!((&report["codec"], &report["codebooks"]), (&Value::from("zerobit"), &Value::from(1)));
+    ok(d, &["verify", "c.vug"]);
+    let info = ok(d, &["info", "c.vug"]);
+    let line = "zerobit, 20 % kept, stream new, threshold adaptive, norm energy, training refined, 1 codebook(s)";
+    assert!(info.contains(line), "{info}");
+    assert_eq!(json(d, &["info", "c.vug"])["codebooks"], 1);
+    let compared = json(d, &[&["compare", "c.raw", "c.vug"], &raw[..]].concat());
+    assert!(compared["psnr"].as_f64().unwrap() > 25.0, "{compared}");
+    assert_eq!(compared["max_error"], report["max_error"]);
+    for (axis, size) in [("x", (36, 20)), ("y", (40, 20)), ("z", (40, 36))] {
+        ok(d, &["slice", "c.vug", "--axis", axis, "-o", "s.png", "--force"]);
+        let png = std::fs::read(d.join("s.png")).unwrap();
+        let be = |at: usize| u32::from_be_bytes(png[at..at + 4].try_into().unwrap());
+        let enlarged = be(16) / size.0;
+        assert_eq!((be(16), be(20)), (enlarged * size.0, enlarged * size.1), "{axis}");
+        assert_eq!(png[25], 2, "a picture in colour");
+    }
+    ok(d, &[&["slice", "c.vug", "--against", "c.raw", "-o", "difference.png"], &raw[..]].concat());
+    // A colour cannot be compared with a number.
+    std::fs::write(d.join("g.raw"), vec![0; 40 * 36 * 20]).unwrap();
+    ok(d, &["encode", "g.raw", "g.vug", "--shape", "40,36,20", "--dtype", "u8"]);
+    let r = run(d, &["compare", "c.vug", "g.vug"]);
+    assert_eq!(r.code, 2, "{}", r.err);
+    assert!(r.err.contains("rgb8 and u8"), "{}", r.err);
+}
+
+#[test]
+fn demo_makes_a_page_that_needs_nothing_else() {
+    let dir = tempfile::tempdir().unwrap();
+    let (d, out) = (dir.path(), dir.path().join("out"));
+    std::fs::create_dir(&out).unwrap();
+    std::fs::write(out.join("index.html"), "mine").unwrap();
+    assert_eq!(run(d, &["demo", "out"]).code, 2, "pages are overwritten only when forced");
+    assert_eq!(std::fs::read(out.join("index.html")).unwrap(), b"mine");
+    ok(d, &["demo", "out", "--force"]);
+    let page = std::fs::read_to_string(out.join("index.html")).unwrap();
     assert!(page.contains("synthetic") && page.contains("data:image/png;base64,"));
     assert!(!page.contains("http://") && !page.contains("https://"), "nothing is fetched");
-    let files: Vec<_> = std::fs::read_dir(d.join("out")).unwrap().map(|e| e.unwrap().path()).collect();
+    let files: Vec<_> = std::fs::read_dir(&out).unwrap().map(|e| e.unwrap().path()).collect();
     let vugs = files.iter().filter(|p| p.extension().is_some_and(|e| e == "vug"));
     assert!(vugs.clone().count() >= 3);
     for file in vugs {
         ok(d, &["verify", file.to_str().unwrap()]);
     }
-    assert!(files.iter().any(|p| p.extension().is_some_and(|e| e == "png")));
-    assert_eq!(run(d, &["demo", "out"]).code, 2, "a second run overwrites only when forced");
-    ok(d, &["demo", "out", "--force"]);
+    for picture in ["2bit-4-fitted.png", "colour-3.png"] {
+        assert!(out.join(picture).exists(), "{picture}");
+    }
+    // Its lines work when pasted, and make the same file again.
+    let page = page.replace("&amp;", "&");
+    for file in ["2bit-4.vug", "colour-3-best.vug"] {
+        let before = std::fs::read(out.join(file)).unwrap();
+        let lines: Vec<&str> =
+            page.lines().filter(|l| l.contains("vug ") && l.contains(&format!(" {file} "))).collect();
+        assert_eq!(lines.len(), 2, "{lines:?}");
+        for command in lines.into_iter().flat_map(|line| line.split("&&")) {
+            let command = &command[command.find("vug ").unwrap()..];
+            let command = command.split('<').next().unwrap_or("");
+            let arguments: Vec<&str> = command.split_whitespace().skip(1).collect();
+            ok(&out, &arguments);
+        }
+        let after = std::fs::read(out.join(file)).unwrap();
+        assert!(
+            after.len() >= before.len() && after.len() < before.len() + 4096,
+            "{file}: the same, and the header's text"
+        );
+    }
 }

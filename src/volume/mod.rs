@@ -8,6 +8,42 @@
 //! println!("{one}, {} voxels, {:?}", part.extent(), volume.cost());
 //! # Ok::<(), vug::Error>(())
 //! ```
+//!
+//! A zerobit volume gives voxels, planes and cells of 4³ voxels straight from its streams (modes of Bajaj et al. 2001,
+//! §3.2), and half and quarter resolution from the means in them:
+//!
+//! ```
+//! use vug::volume::{self, At, Axis, CodecChoice, EncodeOptions, Quality, Volume};
+//! use vug::{Extent, Grid, Region, source::MemorySource};
+//! // A red ball in the dark; 5 % of the coefficients are kept.
+//! let mut grid = Grid::from_fn(Extent::cube(48), |c| {
+//!     let r2: i32 = c.iter().map(|&v| (v as i32 - 24).pow(2)).sum();
+//!     if r2 < 300 { [200u8, (r2 / 3) as u8, 20] } else { [0; 3] }
+//! })?;
+//! let options = EncodeOptions { codec: CodecChoice::Zerobit, quality: Quality::Keep(50_000), ..Default::default() };
+//! let mut file = std::io::Cursor::new(Vec::new());
+//! volume::encode(&mut grid, &mut file, &options, &mut |_, _| {})?;
+//!
+//! let volume = Volume::open(MemorySource(file.into_inner()), Default::default())?;
+//! let sampler = volume.sampler::<[u8; 3]>(At::default())?;       // bricks are found once; for one thread
+//! let one = sampler.get([24, 25, 26])?;                           // voxel mode
+//! let mut some = [[0; 3]; 3];
+//! sampler.get_many(&[[24, 25, 26], [0, 0, 0], [30, 20, 20]], &mut some)?; // memory is asked ahead
+//! assert_eq!((some[0], some[1]), (one, [0, 0, 0]));
+//! let mut cell = [[0; 3]; 64];
+//! sampler.cell([24, 25, 26], &mut cell)?;                         // the 4×4×4 voxels around it, from [24, 24, 24]
+//! assert_eq!(cell[0 + 4 * 1 + 16 * 2], one);
+//! let mut plane = [[0; 3]; 16];
+//! sampler.plane(Axis::Z, [24, 25, 26], &mut plane)?;              // those of them with z = 26
+//! assert_eq!(plane[0 + 4 * 1], one);
+//!
+//! let (region, same) = volume.cell(At::default(), [24, 25, 26])?; // the cell as a grid; cropped at the volume's faces
+//! assert_eq!((region.start, same.samples::<[u8; 3]>()), ([24, 24, 24], &cell[..]));
+//! let half = volume.reduced_extent(At::default(), 1)?;            // 24×24×24 means of 2×2×2 voxels
+//! let small = volume.read_reduced(At::default(), 1, Region::whole(half))?;
+//! assert_eq!(small.extent(), half);
+//! # Ok::<(), vug::Error>(())
+//! ```
 
 mod books;
 mod bounds;

@@ -1,12 +1,14 @@
-//! `vug demo`: a synthetic volume, several settings, verified, measured, and pictured on one page.
+//! `vug demo`: synthetic volumes, several settings, verified, measured, and pictured on one page.
+
+mod settings;
 
 use crate::affine::ValueMap;
 use crate::cli::args::Demo;
 use crate::cli::output::{Verdict, bytes_text, number, progress, psnr_text, write_file};
 use crate::cli::phantom::{DEFAULT_EXTENT, phantom, placement};
 use crate::cli::picture::{ColorMap, Picture, difference, legend, panels, scaled, slice, spacing_on_screen, stacked};
-use crate::cli::report::{Report, Row};
-use crate::codec::s3dc::Endpoints;
+use crate::cli::report::{Part, Report, Row};
+use crate::codec::zerobit::{Threshold, Training};
 use crate::convert::{ExportInfo, Target};
 use crate::error::{Error, Result};
 use crate::geometry::{Extent, Region};
@@ -14,9 +16,9 @@ use crate::grid::{Grid, View};
 use crate::limits::Limits;
 use crate::metrics::{Comparison, compare, difference::class_histogram};
 use crate::source::{AtomicFile, FileSource};
-use crate::volume::{self, At, Axis, Bound, CodecChoice, EncodeOptions, EncodeReport, Quality, Volume, verify};
-use crate::voxel::SampleType;
+use crate::volume::{self, At, Axis, EncodeReport, Quality, Volume, verify};
 use serde_json::{Value, json};
+use settings::{Setting, Subject, subjects};
 use std::path::Path;
 use std::time::Instant;
 
@@ -25,47 +27,6 @@ const PLANE: u32 = 95;
 const DETAIL: [u32; 4] = [104, 92, 48, 48];
 /// Values that become black and white: those above are metal and the test plate's steps.
 const WINDOW: (f64, f64) = (0.0, 2600.0);
-const SOURCE: &str = "phantom.nrrd";
-
-/// One way to encode.
-struct Setting {
-    /// Stem of its files.
-    stem: &'static str,
-    /// The same on the command line.
-    arguments: &'static str,
-    options: EncodeOptions,
-}
-
-fn settings() -> Vec<Setting> {
-    let setting = |stem, arguments, codec, quality, endpoints| {
-        let options = EncodeOptions { codec, quality, endpoints, placement: placement(), ..EncodeOptions::default() };
-        Setting { stem, arguments, options }
-    };
-    let s3dc = |stem, arguments, index_bits, block, endpoints| {
-        let quality = Quality::Explicit { index_bits, block: Extent::cube(block) };
-        setting(stem, arguments, CodecChoice::S3dc, quality, endpoints)
-    };
-    use Endpoints::{Fitted, MinMax};
-    let default = EncodeOptions::default().quality;
-    vec![
-        s3dc("1bit-4", "--index-bits 1", 1, 4, MinMax),
-        s3dc("1bit-4-fitted", "--index-bits 1 --endpoints fitted", 1, 4, Fitted),
-        s3dc("2bit-4", "--index-bits 2", 2, 4, MinMax),
-        s3dc("2bit-4-fitted", "--index-bits 2 --endpoints fitted", 2, 4, Fitted),
-        s3dc("4bit-16", "--index-bits 4 --block 16", 4, 16, MinMax),
-        s3dc("4bit-4", "--index-bits 4 --block 4", 4, 4, MinMax),
-        s3dc("4bit-4-fitted", "--index-bits 4 --endpoints fitted", 4, 4, Fitted),
-        s3dc("8bit-8", "--index-bits 8 --block 8", 8, 8, MinMax),
-        setting(
-            "within-1-percent",
-            "--max-error 1%",
-            CodecChoice::Auto,
-            Quality::MaxError(Bound::Percent(1.0)),
-            MinMax,
-        ),
-        setting("lossless", "--codec raw", CodecChoice::Raw, default, MinMax),
-    ]
-}
 
 /// A setting's results.
 struct Outcome {
@@ -82,46 +43,62 @@ pub(super) fn run(args: &Demo) -> Result<Verdict> {
         let message = format!("{} exists; give another folder, or --force to overwrite it", page.display());
         return Err(Error::param("dir", message));
     }
-    let settings = settings();
+    let subjects = subjects();
     let bar = progress(args.common.quiet || args.common.json, "demo");
-    bar.set_length(settings.len() as u64 + 1);
-    let mut grid = phantom(DEFAULT_EXTENT, SampleType::U16)?;
-    write_source(&grid, dir, args.force)?;
-    bar.inc(1);
-    let mut outcomes = Vec::new();
-    for setting in &settings {
-        outcomes.push(measure(&mut grid, setting, dir, args.force)?);
+    bar.set_length(subjects.iter().map(|s| s.settings.len() as u64 + 1).sum());
+    let (mut parts, mut summary) = (Vec::new(), Vec::new());
+    for subject in &subjects {
+        let mut grid = phantom(DEFAULT_EXTENT, subject.sample_type)?;
+        write_source(&grid, &dir.join(subject.source), args.force)?;
         bar.inc(1);
+        let mut outcomes = Vec::new();
+        for setting in &subject.settings {
+            outcomes.push(measure(&mut grid, subject, setting, dir, args.force)?);
+            bar.inc(1);
+        }
+        summary.extend(subject.settings.iter().zip(&outcomes).map(|(s, o)| outcome_json(subject, s, o)));
+        if !args.common.json && !args.common.quiet {
+            bar.suspend(|| print_table(subject, &grid, &outcomes));
+        }
+        parts.push(describe(subject, &grid, outcomes)?);
     }
     bar.finish_and_clear();
-    let summary: Vec<Value> = settings.iter().zip(&outcomes).map(|(s, o)| outcome_json(s, o)).collect();
     if args.common.json {
         println!("{:#}", json!({ "page": page, "settings": summary }));
     } else if !args.common.quiet {
-        println!("A synthetic head, {DEFAULT_EXTENT} voxels, u16, {}:", bytes_text(grid.bytes().len() as u64));
-        println!(
-            "{:<18} {:>12} {:>9} {:>10} {:>10} {:>8}",
-            "setting", "bits/voxel", "ratio", "max error", "PSNR", "SSIM"
-        );
-        for (setting, o) in settings.iter().zip(&outcomes) {
-            let (r, c) = (&o.report, &o.comparison);
-            let psnr = if c.identical { "inf".into() } else { psnr_text(c.psnr, false) };
-            println!(
-                "{:<18} {:>12.3} {:>9.3} {:>10} {psnr:>10} {:>9.6}",
-                setting.stem, r.bits_per_voxel, r.ratio_file, c.max_error, c.ssim
-            );
-        }
         println!("All files verified. Look at {}", page.display());
     }
-    let html = describe(&grid, outcomes)?.to_html()?;
-    write_file(&page, args.force, html.as_bytes())?;
+    let report = Report {
+        title: format!("Vug: one head in grey and colour, {} settings", summary.len()),
+        label: "synthetic phantom".into(),
+        intro: "A head that was computed, not scanned; no patient was involved. Each setting below wrote a .vug file, which was \
+                verified, read back, and compared voxel by voxel."
+            .into(),
+        parts,
+        commands: vec!["vug demo          # writes this page, the volumes and the files that the lines above name".into()],
+    };
+    write_file(&page, args.force, report.to_html()?.as_bytes())?;
     Ok(Verdict::Ok)
 }
 
+fn print_table(subject: &Subject, grid: &Grid, outcomes: &[Outcome]) {
+    let size = bytes_text(grid.bytes().len() as u64);
+    println!("A synthetic head, {DEFAULT_EXTENT} voxels, {}, {size}:", subject.sample_type);
+    println!("{:<18} {:>12} {:>9} {:>10} {:>10} {:>8}", "setting", "bits/voxel", "ratio", "max error", "PSNR", "SSIM");
+    for (setting, o) in subject.settings.iter().zip(outcomes) {
+        let (r, c) = (&o.report, &o.comparison);
+        let psnr = if c.identical { "inf".into() } else { psnr_text(c.psnr, false) };
+        println!(
+            "{:<18} {:>12.3} {:>9.3} {:>10} {psnr:>10} {:>9.6}",
+            setting.stem, r.bits_per_voxel, r.ratio_file, c.max_error, c.ssim
+        );
+    }
+}
+
 /// Writes the phantom where the printed command lines expect it.
-fn write_source(grid: &Grid, dir: &Path, force: bool) -> Result<()> {
+fn write_source(grid: &Grid, path: &Path, force: bool) -> Result<()> {
     let info = ExportInfo { placement: &placement(), value_map: ValueMap::default(), header: None };
-    let target = Target::of_path(&dir.join(SOURCE))?;
+    let target = Target::of_path(path)?;
     for (i, path) in target.files().iter().enumerate() {
         let mut file = AtomicFile::create(path, force)?;
         target.write(i, &mut file, grid, &info)?;
@@ -131,7 +108,7 @@ fn write_source(grid: &Grid, dir: &Path, force: bool) -> Result<()> {
 }
 
 /// Encodes to a file, verifies it, decodes it, and compares every voxel.
-fn measure(grid: &mut Grid, setting: &Setting, dir: &Path, force: bool) -> Result<Outcome> {
+fn measure(grid: &mut Grid, subject: &Subject, setting: &Setting, dir: &Path, force: bool) -> Result<Outcome> {
     let path = dir.join(format!("{}.vug", setting.stem));
     let started = Instant::now();
     let mut file = AtomicFile::create(&path, force)?;
@@ -174,13 +151,24 @@ fn measure(grid: &mut Grid, setting: &Setting, dir: &Path, force: bool) -> Resul
         decode_s,
         classes: class_histogram(&grid.view(), &decoded.view(), spread)?,
         pictures: vec![(after.clone(), error.clone()), (detail(&after)?, detail(&error)?)],
-        commands: commands(setting),
+        commands: commands(subject, setting),
     };
     Ok(Outcome { report, comparison, row })
 }
 
 /// Names of what the encoder chose: in full, for the chart, and of its family.
 fn names(report: &EncodeReport) -> (String, String, String) {
+    if let Some(p) = report.zerobit {
+        let kept = format!("{} %", f64::from(p.keep_ppm()) / 1e4);
+        let mut family = String::from("zerobit");
+        if p.threshold == Threshold::Global {
+            family += " global";
+        }
+        if p.training == Training::Refined {
+            family += " refined";
+        }
+        return (format!("{}, {kept} kept", family.replacen(' ', ", ", 2)), kept, family);
+    }
     let Some(p) = report.s3dc else {
         return ("raw + zstd, lossless".into(), "raw".into(), "raw".into());
     };
@@ -189,12 +177,13 @@ fn names(report: &EncodeReport) -> (String, String, String) {
     (format!("s3dc, {bits} bit, block {block}, {ends}"), format!("{bits} bit, {block}"), format!("s3dc {ends}"))
 }
 
-fn commands(Setting { stem, arguments, .. }: &Setting) -> Vec<String> {
+fn commands(subject: &Subject, Setting { stem, arguments, .. }: &Setting) -> Vec<String> {
+    let source = subject.source;
     vec![
         format!(
-            "vug encode {SOURCE} {stem}.vug {arguments} --force && vug verify {stem}.vug && vug compare {SOURCE} {stem}.vug"
+            "vug encode {source} {stem}.vug {arguments} --force && vug verify {stem}.vug && vug compare {source} {stem}.vug"
         ),
-        format!("vug slice {stem}.vug --axis z --index {PLANE} --against {SOURCE} -o {stem}-error.png --force"),
+        format!("vug slice {stem}.vug --axis z --index {PLANE} --against {source} -o {stem}-error.png --force"),
     ]
 }
 
@@ -215,20 +204,15 @@ fn detail(picture: &Picture) -> Result<Picture> {
     picture.crop(x, y, width, height)
 }
 
-/// All that the page shows.
-fn describe(grid: &Grid, outcomes: Vec<Outcome>) -> Result<Report> {
+/// All that the page shows of a volume.
+fn describe(subject: &Subject, grid: &Grid, outcomes: Vec<Outcome>) -> Result<Part> {
     let of = |axis, index| picture(&plane(grid, axis, index), axis);
     let whole = of(Axis::Z, PLANE)?;
     let (lo, hi) = grid.range().unwrap_or_default();
     let [sx, sy, sz] = placement().spacing();
-    Ok(Report {
-        title: format!("Vug: one volume, {} settings", outcomes.len()),
-        label: "synthetic phantom".into(),
-        intro: "A head that was computed, not scanned; no patient was involved. It has what block compression finds hard: \
-                bone and metal with hard edges, folded soft tissue of low contrast, a plate with line pairs, steps and a \
-                ramp, grain, and a large background of exactly 0. Each setting below wrote a .vug file, which was verified, \
-                read back, and compared voxel by voxel."
-            .into(),
+    Ok(Part {
+        name: subject.name.into(),
+        intro: subject.intro.into(),
         facts: vec![
             ("volume".into(), format!("{} voxels (x, y, z), {}", grid.extent(), grid.sample_type())),
             ("values".into(), format!("{lo} … {hi}")),
@@ -242,14 +226,15 @@ fn describe(grid: &Grid, outcomes: Vec<Outcome>) -> Result<Report> {
             ("sagittal, x = 104".into(), of(Axis::X, 104)?),
         ],
         views: vec![(format!("z = {PLANE}"), whole.clone()), ("part of it".into(), detail(&whole)?)],
+        terms: subject.terms.iter().map(|&(term, text)| (term.into(), text.into())).collect(),
         rows: outcomes.into_iter().map(|o| o.row).collect(),
-        commands: vec!["vug demo          # writes this page, the volume and the files that the lines above name".into()],
     })
 }
 
-fn outcome_json(setting: &Setting, o: &Outcome) -> Value {
+fn outcome_json(subject: &Subject, setting: &Setting, o: &Outcome) -> Value {
     let (r, c) = (&o.report, &o.comparison);
     json!({
+        "source": subject.source,
         "file": format!("{}.vug", setting.stem),
         "codec": o.row.name,
         "bytes": r.bytes,

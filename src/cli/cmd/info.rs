@@ -33,7 +33,8 @@ fn describe(volume: &Volume, bricks: &BrickCounts) -> Result<Value> {
     let original = voxels * d.sample_type.bytes() as f64;
     let bytes = volume.file_len();
     // As the encoder reports it: payloads are nothing without their codebooks.
-    let books = volume.head().section(*b"CBOK").map_or(0, |s| s.stored_len);
+    let section = volume.head().section(*b"CBOK");
+    let books = section.map_or(0, |s| s.stored_len);
     let mut names = Vec::new();
     let (mut formula, mut padded) = (Value::Null, Value::Null);
     let mut parameters = Vec::new();
@@ -82,6 +83,7 @@ fn describe(volume: &Volume, bricks: &BrickCounts) -> Result<Value> {
         "time_steps": d.time_steps,
         "codec": names.join("+"),
         "codecs": parameters,
+        "codebooks": section.map_or(0, |s| s.item_count),
         "levels": d.lod_count,
         "level_dims": volume.levels().map(|e| e.to_array()).collect::<Vec<_>>(),
         "spacing": if p.spacing_unknown { Value::Null } else { json!(p.spacing()) },
@@ -112,11 +114,23 @@ fn describe(volume: &Volume, bricks: &BrickCounts) -> Result<Value> {
 fn text(j: &Value) -> String {
     let list = |v: &Value| v.as_array().map_or_else(|| "unknown".into(), |a| join(a, " × "));
     let num = |v: &Value| v.as_f64().map_or_else(|| "-".to_owned(), |x| format!("{x:.3}"));
-    let codec = j["codecs"].as_array().into_iter().flatten().map(|c| match c["index_bits"].as_u64() {
-        Some(bits) => {
-            format!("s3dc, {bits} bits, blocks of {}, {}", list(&c["block"]), c["endpoints"].as_str().unwrap_or(""))
+    let name = |v: &Value| v.as_str().unwrap_or("").to_owned();
+    let codec = j["codecs"].as_array().into_iter().flatten().map(|c| {
+        if let Some(bits) = c["index_bits"].as_u64() {
+            format!("s3dc, {bits} bits, blocks of {}, {}", list(&c["block"]), name(&c["endpoints"]))
+        } else if let Some(keep) = c["keep"].as_f64() {
+            let selected = c["selected_voxels"].as_u64().map_or(String::new(), |n| format!(" of {n} selected voxels"));
+            let [stream, threshold, norm, training] =
+                ["stream", "threshold", "norm", "training"].map(|key| name(&c[key]));
+            format!(
+                "zerobit, {} % kept{selected}, stream {stream}, threshold {threshold}, norm {norm}, training {training}, \
+                 {} codebook(s)",
+                (keep * 1e6).round() / 1e4,
+                j["codebooks"]
+            )
+        } else {
+            c["codec"].to_string().replace('"', "")
         }
-        None => c["codec"].to_string().replace('"', ""),
     });
     let codec: Vec<String> = codec.collect();
     let b = &j["bricks"];

@@ -1,6 +1,6 @@
 //! The page's HTML.
 
-use super::{Report, Row, base64, chart};
+use super::{Part, Report, Row, base64, chart};
 use crate::cli::picture::{Picture, class_color};
 use crate::error::Result;
 use crate::metrics::ErrorClass;
@@ -45,8 +45,10 @@ pub(super) fn page(report: &Report) -> Result<String> {
          <style>\n{STYLE}"
     );
     // Originals appear once for every setting, but are stored once: as backgrounds.
-    for (i, (_, picture)) in report.views.iter().enumerate() {
-        let _ = writeln!(o, ".o{i}{{background-image:url({})}}", data_url(picture)?);
+    for (k, part) in report.parts.iter().enumerate() {
+        for (v, (_, picture)) in part.views.iter().enumerate() {
+            let _ = writeln!(o, ".o{k}-{v}{{background-image:url({})}}", data_url(picture)?);
+        }
     }
     for class in ErrorClass::ALL {
         let [r, g, b] = class_color(class);
@@ -58,27 +60,18 @@ pub(super) fn page(report: &Report) -> Result<String> {
         escape(&report.label),
         escape(&report.intro)
     );
-    o.push_str("<dl class=\"facts\">");
-    for (name, value) in &report.facts {
-        let _ = write!(o, "<div><dt>{}</dt><dd>{}</dd></div>", escape(name), escape(value));
+    if report.parts.len() > 1 {
+        o.push_str("<p class=\"jump\">");
+        for (k, part) in report.parts.iter().enumerate() {
+            let _ = write!(o, "<a href=\"#part{k}\">{}</a> ", escape(&part.name));
+        }
+        o.push_str("</p>\n");
     }
-    o.push_str("</dl>\n</header>\n<main>\n");
-    gallery(&mut o, report)?;
-    o.push_str("<section id=\"figures\">\n<h2>What it costs</h2>\n");
-    table(&mut o, report);
-    o.push_str("<div class=\"two\"><figure>\n");
-    o.push_str(&chart::svg(&report.rows));
-    o.push_str("</figure>\n");
-    explain(&mut o);
-    o.push_str("</div>\n</section>\n<section id=\"pictures\">\n<h2>What it looks like</h2>\n");
-    o.push_str(
-        "<p>Original, decoded and error, voxel by voxel. Rest the pointer on a decoded picture to blink to the original.</p>\n\
-         <label class=\"switch\"><input type=\"checkbox\" id=\"large\"> large pictures</label>\n",
-    );
-    for (i, row) in report.rows.iter().enumerate() {
-        setting(&mut o, report, i, row)?;
+    o.push_str("</header>\n<main>\n");
+    for (k, part) in report.parts.iter().enumerate() {
+        one_part(&mut o, part, k)?;
     }
-    o.push_str("</section>\n<section id=\"commands\">\n<h2>Again, by hand</h2>\n");
+    o.push_str("<section id=\"commands\">\n<h2>Again, by hand</h2>\n");
     commands(&mut o, &report.commands);
     let _ = writeln!(
         o,
@@ -88,12 +81,41 @@ pub(super) fn page(report: &Report) -> Result<String> {
     Ok(o)
 }
 
-fn gallery(o: &mut String, report: &Report) -> Result<()> {
-    if report.gallery.is_empty() {
+/// A volume: what it is, its figures, its pictures. Part `k` of the page.
+fn one_part(o: &mut String, part: &Part, k: usize) -> Result<()> {
+    let name = escape(&part.name);
+    let _ = writeln!(o, "<section id=\"part{k}\">\n<h2>{name}</h2>\n<p class=\"intro\">{}</p>", escape(&part.intro));
+    o.push_str("<dl class=\"facts\">");
+    for (name, value) in &part.facts {
+        let _ = write!(o, "<div><dt>{}</dt><dd>{}</dd></div>", escape(name), escape(value));
+    }
+    o.push_str("</dl>\n</section>\n");
+    gallery(o, part)?;
+    let _ = writeln!(o, "<section id=\"figures{k}\">\n<h2>{name}: what it costs</h2>");
+    table(o, part, k);
+    o.push_str("<div class=\"two\"><figure>\n");
+    o.push_str(&chart::svg(&part.rows));
+    o.push_str("</figure>\n");
+    explain(o, part);
+    let _ = write!(
+        o,
+        "</div>\n</section>\n<section id=\"pictures{k}\">\n<h2>{name}: what it looks like</h2>\n\
+         <p>Original, decoded and error, voxel by voxel. Rest the pointer on a decoded picture to blink to the original.</p>\n\
+         <label class=\"switch\"><input type=\"checkbox\" class=\"large\"> large pictures</label>\n",
+    );
+    for (i, row) in part.rows.iter().enumerate() {
+        setting(o, part, (k, i), row)?;
+    }
+    o.push_str("</section>\n");
+    Ok(())
+}
+
+fn gallery(o: &mut String, part: &Part) -> Result<()> {
+    if part.gallery.is_empty() {
         return Ok(());
     }
     o.push_str("<section class=\"gallery\">\n");
-    for (caption, picture) in &report.gallery {
+    for (caption, picture) in &part.gallery {
         let img = image(picture, &format!("original, {caption}"))?;
         let _ = writeln!(o, "<figure>{img}<figcaption>{}</figcaption></figure>", escape(caption));
     }
@@ -102,7 +124,7 @@ fn gallery(o: &mut String, report: &Report) -> Result<()> {
 }
 
 /// The table of figures.
-fn table(o: &mut String, report: &Report) {
+fn table(o: &mut String, part: &Part, k: usize) {
     o.push_str(
         "<div class=\"scroll\"><table>\n<thead><tr><th rowspan=\"2\">setting</th><th colspan=\"3\">ratio</th>\
          <th rowspan=\"2\">bits / voxel</th><th colspan=\"2\">max error</th><th rowspan=\"2\">RMSE</th>\
@@ -110,7 +132,7 @@ fn table(o: &mut String, report: &Report) {
          <tr><th>formula</th><th>payload</th><th>file</th><th>value</th><th>% of range</th><th>encode</th><th>decode</th></tr>\
          </thead>\n<tbody>\n",
     );
-    for (i, r) in report.rows.iter().enumerate() {
+    for (i, r) in part.rows.iter().enumerate() {
         let formula = r.ratio_formula.map_or("–".to_owned(), |v| format!("{v:.2}"));
         let psnr = r.psnr.map_or("∞".to_owned(), |v| format!("{v:.2}"));
         let cells = [
@@ -127,22 +149,25 @@ fn table(o: &mut String, report: &Report) {
             format!("{:.0}", r.decode_s * 1e3),
         ];
         let cells: String = cells.iter().map(|c| format!("<td>{c}</td>")).collect();
-        let _ = writeln!(o, "<tr><th scope=\"row\"><a href=\"#s{i}\">{}</a></th>{cells}</tr>", escape(&r.name));
+        let _ = writeln!(o, "<tr><th scope=\"row\"><a href=\"#s{k}-{i}\">{}</a></th>{cells}</tr>", escape(&r.name));
     }
     o.push_str("</tbody></table></div>\n");
 }
 
 /// What the columns and colours mean.
-fn explain(o: &mut String) {
+fn explain(o: &mut String, part: &Part) {
     o.push_str(
         "<div class=\"notes\"><dl>\n\
          <dt>ratio</dt><dd>bytes of the original over: the bytes that the codec's formula promises; the stored bricks before \
          zstd; the file with everything in it</dd>\n\
          <dt>PSNR</dt><dd>20 log<sub>10</sub>(range / RMSE); the range is the original's maximum minus its minimum</dd>\n\
          <dt>SSIM</dt><dd>structural similarity, mean over all z slices; 1 is equal</dd>\n\
-         <dt>time</dt><dd>wall time on this machine, whole volume, once, with files</dd>\n</dl>\n\
-         <p>Error of a voxel, as a part of the range:</p>\n<ul class=\"legend\">",
+         <dt>time</dt><dd>wall time on this machine, whole volume, once, with files</dd>\n",
     );
+    for (term, text) in &part.terms {
+        let _ = writeln!(o, "<dt>{}</dt><dd>{}</dd>", escape(term), escape(text));
+    }
+    o.push_str("</dl>\n<p>Error of a voxel, as a part of the range:</p>\n<ul class=\"legend\">");
     for class in ErrorClass::ALL {
         let _ = write!(o, "<li><i class=\"c{}\"></i>{}</li>", class as usize, class.label());
     }
@@ -150,11 +175,11 @@ fn explain(o: &mut String) {
 }
 
 /// One setting: figures, pictures, shares of the error classes, command lines.
-fn setting(o: &mut String, report: &Report, i: usize, r: &Row) -> Result<()> {
+fn setting(o: &mut String, part: &Part, (k, i): (usize, usize), r: &Row) -> Result<()> {
     let psnr = r.psnr.map_or("no error".to_owned(), |v| format!("{v:.2} dB"));
     let _ = writeln!(
         o,
-        "<article id=\"s{i}\">\n<h3>{}</h3>\n<p class=\"sum\"><b>{psnr}</b> at <b>{:.2} bits</b> per voxel, {:.2} : 1 · \
+        "<article id=\"s{k}-{i}\">\n<h3>{}</h3>\n<p class=\"sum\"><b>{psnr}</b> at <b>{:.2} bits</b> per voxel, {:.2} : 1 · \
          largest error {} ({:.2} % of the range) · SSIM {}</p>",
         escape(&r.name),
         r.bits_per_voxel,
@@ -164,14 +189,14 @@ fn setting(o: &mut String, report: &Report, i: usize, r: &Row) -> Result<()> {
         similarity(r.ssim)
     );
     o.push_str("<div class=\"panels\">\n");
-    for (v, ((caption, original), (decoded, difference))) in report.views.iter().zip(&r.pictures).enumerate() {
+    for (v, ((caption, original), (decoded, difference))) in part.views.iter().zip(&r.pictures).enumerate() {
         let (w, h) = original.size();
         let caption = escape(caption);
         let _ = writeln!(
             o,
-            "<figure><div class=\"px o{v}\" style=\"aspect-ratio:{w}/{h}\" role=\"img\" aria-label=\"original, {caption}\"></div>\
+            "<figure><div class=\"px o{k}-{v}\" style=\"aspect-ratio:{w}/{h}\" role=\"img\" aria-label=\"original, {caption}\"></div>\
              <figcaption>{caption}: original</figcaption></figure>\n\
-             <figure><div class=\"px o{v} blink\" style=\"aspect-ratio:{w}/{h}\">{}</div><figcaption>decoded</figcaption></figure>\n\
+             <figure><div class=\"px o{k}-{v} blink\" style=\"aspect-ratio:{w}/{h}\">{}</div><figcaption>decoded</figcaption></figure>\n\
              <figure><div class=\"px\">{}</div><figcaption>error</figcaption></figure>",
             image(decoded, &format!("decoded, {caption}"))?,
             image(difference, &format!("error in classes, {caption}"))?

@@ -17,16 +17,28 @@ pub(crate) struct Report {
     pub(crate) label: String,
     /// A few sentences under the heading.
     pub(crate) intro: String,
+    /// The volumes.
+    pub(crate) parts: Vec<Part>,
+    /// Command lines that make what all rows share, and the page itself.
+    pub(crate) commands: Vec<String>,
+}
+
+/// One volume, and what became of it.
+pub(crate) struct Part {
+    /// A word for headings: "Grey".
+    pub(crate) name: String,
+    /// A few sentences.
+    pub(crate) intro: String,
     /// Name and value: extent, type, range, machine.
     pub(crate) facts: Vec<(String, String)>,
-    /// Pictures of the original at the top of the page, with captions.
+    /// Pictures of the original at the top, with captions.
     pub(crate) gallery: Vec<(String, Picture)>,
     /// The planes (or parts of them) that every row shows decoded: captions and originals.
     pub(crate) views: Vec<(String, Picture)>,
+    /// Words of this part's settings, and what they mean.
+    pub(crate) terms: Vec<(String, String)>,
     /// One for each setting.
     pub(crate) rows: Vec<Row>,
-    /// Command lines that make what all rows share, and the page itself.
-    pub(crate) commands: Vec<String>,
 }
 
 /// One setting of the encoder, and what came of it.
@@ -61,7 +73,7 @@ pub(crate) struct Row {
     pub(crate) decode_s: f64,
     /// Voxels of the whole volume per [`crate::metrics::ErrorClass`].
     pub(crate) classes: [u64; 5],
-    /// For every one of the report's views: decoded, and the difference in classes.
+    /// For every one of the part's views: decoded, and the difference in classes.
     pub(crate) pictures: Vec<(Picture, Picture)>,
     /// Command lines to reproduce the row.
     pub(crate) commands: Vec<String>,

@@ -33,10 +33,15 @@ fn report(rows: Vec<Row>) -> Report {
         title: "A <title> & more".into(),
         label: "synthetic phantom".into(),
         intro: "Nobody's \"head\".".into(),
-        facts: vec![("size".into(), "1 B".into())],
-        gallery: vec![("axial".into(), picture(1))],
-        views: vec![("z = 1".into(), picture(1))],
-        rows,
+        parts: vec![Part {
+            name: "Grey & plain".into(),
+            intro: "A <part>.".into(),
+            facts: vec![("size".into(), "1 B".into())],
+            gallery: vec![("axial".into(), picture(1))],
+            views: vec![("z = 1".into(), picture(1))],
+            terms: vec![("kept".into(), "how <many>".into())],
+            rows,
+        }],
         commands: vec!["vug demo".into()],
     }
 }
@@ -55,6 +60,9 @@ fn everything_is_on_the_page_and_nothing_is_fetched() {
         "s3dc &lt;minmax&gt;",
         "two bits: 1.62 bits per voxel, 40.00 dB",
         "PSNR in dB",
+        "<h2>Grey &amp; plain: what it costs</h2>",
+        "A &lt;part&gt;.",
+        "<dt>kept</dt><dd>how &lt;many&gt;</dd>",
     ] {
         assert!(html.contains(part), "{part} is missing");
     }
@@ -77,6 +85,21 @@ fn odd_rows() {
         assert!(!html.contains("NaN") && !html.contains("inf<"), "no number is undefined");
         assert_eq!(html.matches("<article").count(), n);
     }
+}
+
+#[test]
+fn the_parts_of_a_page_do_not_share_names() {
+    let mut both = report(vec![row("a", 1.0, Some(30.0))]);
+    both.parts.append(&mut report(vec![row("b", 2.0, Some(40.0))]).parts);
+    let html = both.to_html().unwrap();
+    let ids: Vec<&str> = html.match_indices(" id=\"").map(|(at, m)| &html[at + m.len()..]).collect();
+    let mut ids: Vec<&str> = ids.into_iter().filter_map(|s| s.split('"').next()).collect();
+    let all = ids.len();
+    ids.sort_unstable();
+    ids.dedup();
+    assert_eq!(ids.len(), all, "{ids:?}");
+    assert_eq!(html.matches("background-image").count(), 2);
+    assert!(html.contains("href=\"#s1-0\"") && html.contains("px o1-0"));
 }
 
 #[test]
