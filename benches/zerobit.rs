@@ -7,6 +7,8 @@
 //! `cargo bench --bench zerobit [-- WORD...]`: only parts whose name holds one of the words: `voxel`, `chain`, `plane`,
 //! `cell`, `whole`, `paper`, `encode`.
 
+#[path = "zerobit/encode.rs"]
+mod encode;
 mod support;
 
 use std::hint::black_box;
@@ -273,6 +275,12 @@ fn main() {
     for background in [0.434, 0.211] {
         let mut grid = colour(edge, background);
         println!("{edge}³ rgb8, {:.1} % background", 100.0 * background);
+        if wanted("encode") {
+            encode::rows(&mut grid, 3.0);
+        }
+        if !["voxel", "chain", "plane", "cell", "whole"].iter().any(|part| wanted(part)) {
+            continue;
+        }
         let mut numbers = Numbers(0x2545_F491_4F6C_DD1D);
         let random: Vec<[u32; 3]> = (0..OPERATIONS).map(|_| numbers.coord(edge)).collect();
         let planes = cutting_planes(edge);
