@@ -304,7 +304,7 @@ fn main() {
         if wanted("encode") {
             encode::rows(&mut grid, 3.0);
         }
-        if !["voxel", "chain", "plane", "cell", "whole", "paper"].iter().any(|part| wanted(part)) {
+        if !["voxel", "chain", "plane", "planes cached", "cell", "whole", "paper"].iter().any(|part| wanted(part)) {
             continue;
         }
         let mut numbers = Numbers(0x2545_F491_4F6C_DD1D);
@@ -314,7 +314,7 @@ fn main() {
             // Fig. 13 has no row for 1 %.
             percents.iter().filter(|&&p| p > 1.0).for_each(|&percent| paper::rows(&grid, percent, &random));
         }
-        if !["voxel", "chain", "plane", "cell", "whole"].iter().any(|part| wanted(part)) {
+        if !["voxel", "chain", "plane", "planes cached", "cell", "whole"].iter().any(|part| wanted(part)) {
             continue;
         }
         for &percent in &percents {

@@ -272,10 +272,10 @@ mod zerobit {
         peak(|| pool.install(|| vug::volume::encode(&mut source, out, &options, &mut |_, _| {}).unwrap()))
     }
 
-    /// One slab of bricks of 64³, and for histograms, search trees, the index and the bricks in work 40 MiB and as much as
+    /// One slab of bricks of 64³, and for histograms, search trees, the index and the bricks in work 24 MiB and as much as
     /// 8 MiB per thread.
     fn bound(edge: u32, jobs: usize) -> usize {
-        3 * 64 * (edge * edge) as usize + (40 + 8 * jobs) * MIB
+        3 * 64 * (edge * edge) as usize + (24 + 8 * jobs) * MIB
     }
 
     #[test] // S-05

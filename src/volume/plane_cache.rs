@@ -6,7 +6,6 @@ use super::{At, Axis};
 use crate::error::Result;
 use crate::geometry::Coord;
 use crate::voxel::Sample;
-use bytemuck::Zeroable;
 
 /// Planes that may lie in each set.
 const WAYS: usize = 4;

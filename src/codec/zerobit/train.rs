@@ -85,7 +85,8 @@ impl Trainer {
                 Training::Refined => refine(histogram, &book, REFINE_ROUNDS),
             }
         };
-        Book::new(t, words(self.average), words(self.detail))
+        let (average, detail) = rayon::join(|| words(self.average), || words(self.detail));
+        Book::new(t, average, detail)
     }
 }
 

@@ -7,7 +7,7 @@ use super::layout::{CELL_EDGE, UNIT_EDGE};
 use super::params::Norm;
 use crate::geometry::{Coord, Extent};
 use crate::grid::View;
-use std::ops::{Add, Sub};
+use std::ops::{Add, BitOr, Sub};
 
 /// One component of a sample.
 pub(super) trait Component: bytemuck::Pod {
@@ -25,7 +25,7 @@ pub(super) trait Component: bytemuck::Pod {
 
 /// A signed integer with room for sums of 64 samples.
 pub(super) trait Number:
-    Copy + Default + PartialEq + Into<i32> + Add<Output = Self> + Sub<Output = Self>
+    Copy + Default + PartialEq + Into<i32> + Add<Output = Self> + Sub<Output = Self> + BitOr<Output = Self>
 {
 }
 impl Number for i16 {}
@@ -234,20 +234,14 @@ impl<S: Component, const C: usize> UnitCoefficients<S, C> {
                 }
             }
         }
-        let mut any = [[false; LANES]; ROWS];
         for c in 0..C {
-            let out = &mut self.numerators[row][c];
-            transform(&low[c], &high[c], out);
-            for (any, lanes) in any.iter_mut().zip(out.iter()) {
-                for (any, &v) in any.iter_mut().zip(lanes) {
-                    *any |= v != S::Number::default();
-                }
-            }
+            transform(&low[c], &high[c], &mut self.numerators[row][c]);
         }
-        for (r, any) in any.iter().enumerate() {
-            for (k, _) in any.iter().enumerate().filter(|(_, any)| **any) {
-                self.present |= 1 << (4 * row + place(r, k).1);
-                self.nonzero += 1;
+        let counts = count(&self.numerators[row]);
+        for (level, counts) in counts.iter().enumerate() {
+            for (k, &n) in counts.iter().enumerate().filter(|&(_, &n)| n > 0) {
+                self.present |= 1 << (4 * row + place(level * LEVEL_0, k).1);
+                self.nonzero += u64::from(n);
             }
         }
     }
@@ -273,6 +267,19 @@ impl<S: Component, const C: usize> UnitCoefficients<S, C> {
             }
         }
     }
+}
+
+/// Coefficients of a row of cells that are not 0, by level and lane.
+fn count<N: Number, const C: usize>(numerators: &[[Lanes<N>; ROWS]; C]) -> [Lanes<u8>; 2] {
+    let zero = N::default();
+    let mut counts = [[0; LANES]; 2];
+    for r in 0..ROWS {
+        let counts = &mut counts[usize::from(r >= LEVEL_0)];
+        for (k, count) in counts.iter_mut().enumerate() {
+            *count += u8::from(numerators.iter().fold(zero, |all, of| all | of[r][k]) != zero);
+        }
+    }
+    counts
 }
 
 /// Numerators of a row of cells from sums and differences along x; both by `y + 4·z`.
