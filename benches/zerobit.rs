@@ -5,8 +5,12 @@
 //! each, the same for all contestants, rounds interleaved. Ratio: time of the volume / time of the array; lower is better.
 //!
 //! `cargo bench --bench zerobit [-- WORD...]`: only parts whose name holds one of the words: `voxel`, `chain`, `plane`,
-//! `cell`, `whole`, `paper`, `encode`.
+//! `planes cached`, `cell`, `whole`, `paper`, `encode`.
 
+#[path = "zerobit/encode.rs"]
+mod encode;
+#[path = "zerobit/paper.rs"]
+mod paper;
 mod support;
 
 use std::hint::black_box;
@@ -147,6 +151,30 @@ impl Case<'_> {
         print_row(name, &interleave(11, &mut contestants));
     }
 
+    /// Cutting planes through a cache of 4×4 planes, against the raw array and the sampler without one.
+    fn planes_cached(&self, coords: &[[u32; 3]]) {
+        let samples = self.grid.samples::<Rgb>();
+        let extent = self.grid.extent();
+        let sum = |v: Rgb| u64::from(v[0]) + u64::from(v[1]) + u64::from(v[2]);
+        let raw = || coords.iter().map(|&c| sum(samples[extent.index(c) as usize])).sum::<u64>();
+        let mut contestants: Vec<Contestant<'_>> = vec![("raw".into(), Box::new(|| _ = black_box(raw())))];
+        let mut hits = Vec::new();
+        for (name, volume) in &self.volumes {
+            let sampler = volume.sampler::<Rgb>(At::default()).expect("colours");
+            let single = move || coords.iter().map(|&c| sum(sampler.get(c).expect("inside"))).sum::<u64>();
+            contestants.push((format!("{name} single"), Box::new(move || _ = black_box(single()))));
+            let cached = || volume.plane_sampler::<Rgb>(At::default(), Axis::Z).expect("colours");
+            let mut once = cached();
+            coords.iter().for_each(|&c| _ = once.get(c).expect("inside"));
+            hits.push(format!("{name} {:.1} %", 100.0 * once.hits() as f64 / coords.len() as f64));
+            let mut cached = cached();
+            let mut run = move || coords.iter().map(|&c| sum(cached.get(c).expect("inside"))).sum::<u64>();
+            contestants.push((format!("{name} cached"), Box::new(move || _ = black_box(run()))));
+        }
+        print_row("planes cached", &interleave(7, &mut contestants));
+        println!("    hits: {}", hits.join(", "));
+    }
+
     /// Each voxel says where the next one lies: nothing can be asked for ahead.
     fn chain(&self) {
         let samples = self.grid.samples::<Rgb>();
@@ -273,9 +301,22 @@ fn main() {
     for background in [0.434, 0.211] {
         let mut grid = colour(edge, background);
         println!("{edge}³ rgb8, {:.1} % background", 100.0 * background);
+        if wanted("encode") {
+            encode::rows(&mut grid, 3.0);
+        }
+        if !["voxel", "chain", "plane", "planes cached", "cell", "whole", "paper"].iter().any(|part| wanted(part)) {
+            continue;
+        }
         let mut numbers = Numbers(0x2545_F491_4F6C_DD1D);
         let random: Vec<[u32; 3]> = (0..OPERATIONS).map(|_| numbers.coord(edge)).collect();
         let planes = cutting_planes(edge);
+        if wanted("paper") {
+            // Fig. 13 has no row for 1 %.
+            percents.iter().filter(|&&p| p > 1.0).for_each(|&percent| paper::rows(&grid, percent, &random));
+        }
+        if !["voxel", "chain", "plane", "planes cached", "cell", "whole"].iter().any(|part| wanted(part)) {
+            continue;
+        }
         for &percent in &percents {
             let volumes = [("NEW", Stream::New), ("OLD", Stream::Old)]
                 .map(|(name, stream)| (name.to_string(), encoded(&mut grid, percent, stream)));
@@ -289,6 +330,9 @@ fn main() {
             }
             if wanted("plane") {
                 case.planes("plane mode", &random);
+            }
+            if wanted("planes cached") {
+                case.planes_cached(&planes);
             }
             if wanted("cell") {
                 case.cells("cell mode", &random);

@@ -206,6 +206,116 @@ fn a_file_of_100_gb_opens_with_less_than_1_mb() {
     assert!(volume.cost().bytes < 200_000, "{:?}", volume.cost());
 }
 
+mod zerobit {
+    use super::*;
+    use std::ops::Range;
+    use std::time::Instant;
+    use vug::grid::SlabReader;
+    use vug::volume::{CodecChoice, EncodeOptions, EncodeReport, Quality};
+
+    const MIB: usize = 1 << 20;
+
+    /// Soft colours with a little grain in a cylinder, black around it; made when they are asked for.
+    struct Synthetic {
+        extent: Extent,
+        soft: Vec<u8>,
+        grain: Vec<u8>,
+    }
+
+    impl Synthetic {
+        fn new(edge: u32) -> Self {
+            let soft = (0..8 * edge).map(|i| (127.0 + 100.0 * (f64::from(i) * 12.0 / f64::from(edge)).sin()) as u8);
+            let grain = (0..1024).map(|i| (support::hash([i, 0, 0]) % 9) as u8);
+            Synthetic { extent: Extent::cube(edge), soft: soft.collect(), grain: grain.collect() }
+        }
+    }
+
+    impl SlabReader for Synthetic {
+        fn extent(&self) -> Extent {
+            self.extent
+        }
+        fn sample_type(&self) -> SampleType {
+            SampleType::Rgb8
+        }
+        fn read_slab(&mut self, planes: Range<u32>, out: &mut [u8]) -> vug::Result<()> {
+            let edge = self.extent.x as usize;
+            for (z, plane) in (planes.start as usize..).zip(out.chunks_exact_mut(3 * edge * edge)) {
+                for (y, row) in plane.chunks_exact_mut(3 * edge).enumerate() {
+                    let from_axis = y.abs_diff(edge / 2);
+                    let half =
+                        ((edge * edge / 5 - (from_axis * from_axis).min(edge * edge / 5)) as f64).sqrt() as usize;
+                    row.fill(0);
+                    let body = edge / 2 - half..edge / 2 + half;
+                    for (x, v) in row.chunks_exact_mut(3).enumerate().take(body.end).skip(body.start) {
+                        let grain = self.grain[(7 * x + 13 * y * y + 31 * z * z) & 1023];
+                        v[0] = self.soft[x + y + z] + grain;
+                        v[1] = self.soft[2 * y + 3 * z] + grain;
+                        v[2] = self.soft[4 * x + z] / 2 + grain;
+                    }
+                }
+            }
+            Ok(())
+        }
+    }
+
+    /// Encodes into a file with `jobs` threads: what was written, and the most heap in use meanwhile.
+    fn encode(edge: u32, jobs: usize, zstd: bool) -> (EncodeReport, usize) {
+        let out = tempfile::tempfile().unwrap();
+        let options = EncodeOptions {
+            codec: CodecChoice::Zerobit,
+            quality: Quality::Keep(30_000),
+            zstd,
+            ..EncodeOptions::default()
+        };
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(jobs).build().unwrap();
+        let mut source = Synthetic::new(edge);
+        peak(|| pool.install(|| vug::volume::encode(&mut source, out, &options, &mut |_, _| {}).unwrap()))
+    }
+
+    /// One slab of bricks of 64³, and for histograms, search trees, the index and the bricks in work 24 MiB and as much as
+    /// 8 MiB per thread.
+    fn bound(edge: u32, jobs: usize) -> usize {
+        3 * 64 * (edge * edge) as usize + (24 + 8 * jobs) * MIB
+    }
+
+    #[test] // S-05
+    fn encoding_holds_one_slab_of_bricks_and_histograms() {
+        let _alone = ALONE.lock().unwrap_or_else(|e| e.into_inner());
+        for (jobs, zstd) in [(1, true), (2, true), (2, false)] {
+            let (report, heap) = encode(320, jobs, zstd);
+            let allowed = bound(320, jobs);
+            println!(
+                "{jobs} jobs, zstd {zstd}: {:.1} MiB of heap, {:.1} allowed",
+                heap as f64 / MIB as f64,
+                allowed as f64 / MIB as f64
+            );
+            assert_eq!((report.codec, report.codebooks), ("zerobit", 1));
+            assert!(heap > 3 * 64 * 320 * 320, "the slab itself: the counter works");
+            assert!(heap <= allowed, "{heap} > {allowed}");
+        }
+    }
+
+    #[test] // S-05
+    #[ignore = "2.1 Gvoxel (6.3 GB of colours) take minutes; by hand: cargo test --release --test memory -- --ignored --nocapture"]
+    fn two_gigavoxels_hold_one_slab_of_bricks_too() {
+        let _alone = ALONE.lock().unwrap_or_else(|e| e.into_inner());
+        let start = Instant::now();
+        let (report, heap) = encode(1280, 2, false);
+        let seconds = start.elapsed().as_secs_f64();
+        let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+        let resident = status.lines().find(|l| l.starts_with("VmHWM:")).unwrap_or("VmHWM: unknown");
+        println!(
+            "1280³ rgb8: {seconds:.0} s, {:.1} Mvoxel/s, {:.0} MiB of heap, {:.0} allowed, {resident}, {:.1} dB, {} bytes",
+            1280f64.powi(3) / seconds / 1e6,
+            heap as f64 / MIB as f64,
+            bound(1280, 2) as f64 / MIB as f64,
+            report.psnr.unwrap_or(f64::INFINITY),
+            report.bytes
+        );
+        assert!(heap <= bound(1280, 2), "{heap}");
+    }
+}
+
 #[cfg(feature = "convert")]
 mod encoding {
     use super::*;

@@ -113,8 +113,15 @@ pub(super) fn by_value(a: &View<'_>, b: &View<'_>) -> ErrorStats {
 /// Smallest and largest component of a box; NaN is skipped, `None` where nothing else is there.
 #[must_use]
 pub fn value_range(a: &View<'_>) -> Option<(f64, f64)> {
-    // The bounds of `b` come for free with the error sums, at the speed of memory.
-    with_sample!(a.sample_type, T => typed::<T>(a, a)).range()
+    let mut stats = ErrorStats::default();
+    with_sample!(a.sample_type, T => {
+        for z in 0..a.extent.z {
+            for y in 0..a.extent.y {
+                T::bounds(a.row(y, z), &mut stats);
+            }
+        }
+    });
+    stats.range()
 }
 
 fn typed<T: Accumulate>(a: &View<'_>, b: &View<'_>) -> ErrorStats {
@@ -131,6 +138,11 @@ fn typed<T: Accumulate>(a: &View<'_>, b: &View<'_>) -> ErrorStats {
 /// Adds one row to the sums, all but the count.
 trait Accumulate: Sample {
     fn accumulate(a: &[Self], b: &[Self], stats: &mut ErrorStats);
+
+    /// Takes the bounds of one row into account; what becomes of the sums is not said.
+    fn bounds(row: &[Self], stats: &mut ErrorStats) {
+        Self::accumulate(row, row, stats);
+    }
 }
 
 /// Most elements for which a u32 holds a sum of squares of u8 differences: 255² · 2^15 < 2^31.
@@ -160,6 +172,18 @@ macro_rules! integer {
                     stats.max = stats.max.max(f64::from(max));
                 }
             }
+
+            fn bounds(row: &[Self], stats: &mut ErrorStats) {
+                let (mut min, mut max) = (<$t>::MAX, <$t>::MIN);
+                for &v in row {
+                    min = min.min(v);
+                    max = max.max(v);
+                }
+                if min <= max {
+                    stats.min = stats.min.min(f64::from(min));
+                    stats.max = stats.max.max(f64::from(max));
+                }
+            }
         }
     )*};
 }
@@ -172,6 +196,10 @@ integer! {
 impl Accumulate for [u8; 3] {
     fn accumulate(a: &[Self], b: &[Self], stats: &mut ErrorStats) {
         u8::accumulate(a.as_flattened(), b.as_flattened(), stats);
+    }
+
+    fn bounds(row: &[Self], stats: &mut ErrorStats) {
+        u8::bounds(row.as_flattened(), stats);
     }
 }
 

@@ -14,6 +14,9 @@ const TOP_LOG2: u32 = 3;
 /// Candidates in all leaves behind which no node is split any more, so that a tree stays within some megabytes.
 const MANY: usize = 1 << 17;
 
+/// Sides of cubes in which squared distances fit 32 bits, as a power of two.
+const NARROW_LOG2: u32 = 14;
+
 /// Set in links to leaves. Then come 8 bits for one less than the candidates there are, and 23 for the first.
 const LEAF: u32 = 1 << 31;
 
@@ -103,8 +106,9 @@ struct Tree {
     /// Links for the cubes [`TOP_LOG2`] levels down, x fastest.
     top: Vec<u32>,
     nodes: Vec<[u32; 8]>,
-    /// Words and their indices, ascending in each leaf.
-    candidates: Vec<(Vector, u32)>,
+    /// Indices of words, ascending in each leaf. The words apart: there are few, and they stay in the cache.
+    candidates: Vec<u8>,
+    words: Vec<Vector>,
 }
 
 /// A cube of points; both ends are inside.
@@ -143,25 +147,32 @@ impl Tree {
         };
         let words: Vec<Word> = (0..).zip(book).map(word).collect();
         let corner = low.map(|c| c as i32);
-        let mut tree = Tree { corner, side_log2, top: Vec::new(), nodes: Vec::new(), candidates: Vec::new() };
-        let root = tree.build(Cube { low, side_log2 }, &words, book);
+        let mut tree = Tree {
+            corner,
+            side_log2,
+            top: Vec::new(),
+            nodes: Vec::new(),
+            candidates: Vec::new(),
+            words: book.to_vec(),
+        };
+        let root = tree.build(Cube { low, side_log2 }, &words);
         let bits = |n: u32| [n, n >> TOP_LOG2, n >> (2 * TOP_LOG2)].map(|v| v & ((1 << TOP_LOG2) - 1));
         tree.top = (0..1 << (3 * TOP_LOG2)).map(|n| tree.descend(root, TOP_LOG2, bits(n), TOP_LOG2)).collect();
         Some(tree)
     }
 
     /// Adds the part of the tree for a cube, whose words are among `words`, and returns the link to it.
-    fn build(&mut self, cube: Cube, words: &[Word], book: &[Vector]) -> u32 {
+    fn build(&mut self, cube: Cube, words: &[Word]) -> u32 {
         let words = cube.contenders(words);
         if words.len() <= FEW || cube.side_log2 <= SMALLEST_LOG2 || self.candidates.len() >= MANY {
             let link = LEAF | (words.len() as u32 - 1) << 23 | self.candidates.len() as u32;
-            self.candidates.extend(words.iter().map(|w| (book[w.index as usize], w.index)));
+            self.candidates.extend(words.iter().map(|w| w.index as u8));
             return link;
         }
         let node = self.nodes.len();
         self.nodes.push([0; 8]);
         for child in 0..8 {
-            let link = self.build(cube.child(child), &words, book);
+            let link = self.build(cube.child(child), &words);
             self.nodes[node][child] = link;
         }
         node as u32
@@ -190,13 +201,25 @@ impl Tree {
         let link = self.descend(self.top[top as usize], bits, at, bits);
         let (from, more) = ((link & 0x7F_FFFF) as usize, (link >> 23 & 0xFF) as usize);
         let leaf = self.candidates.get(from..=from + more)?;
-        let (mut best, mut index) = (u64::MAX, 0);
-        for &(word, i) in leaf {
-            let d = squared_distance(word, v);
-            index = if d < best { i } else { index };
-            best = best.min(d);
+        Some(if self.side_log2 <= NARROW_LOG2 {
+            self.nearest_of(leaf, |word| {
+                let d: Vector = std::array::from_fn(|c| word[c] - v[c]);
+                (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]) as u32
+            })
+        } else {
+            self.nearest_of(leaf, |word| squared_distance(word, v))
+        })
+    }
+
+    /// The first candidate that is no further away than any other.
+    #[inline(always)]
+    fn nearest_of<D: Ord + Copy>(&self, leaf: &[u8], distance: impl Fn(Vector) -> D) -> u8 {
+        let mut best = (distance(self.words[usize::from(leaf[0])]), leaf[0]);
+        for &i in &leaf[1..] {
+            let d = distance(self.words[usize::from(i)]);
+            best = if d < best.0 { (d, i) } else { best };
         }
-        Some(index as u8)
+        best.1
     }
 }
 

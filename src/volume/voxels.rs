@@ -255,6 +255,12 @@ impl<'a, T: Sample> Sampler<'a, T> {
         Ok(())
     }
 
+    /// Whether there is such a voxel.
+    #[inline(always)]
+    pub(super) fn contains(&self, c: Coord) -> bool {
+        self.extent.contains(c)
+    }
+
     /// What is known of the brick that holds `c`.
     #[inline(always)]
     fn known(&self, c: Coord) -> Option<Known> {

@@ -19,6 +19,10 @@ pub trait Coefficients {
     fn detail(&self, i: u32, j: u32, count: impl BitCount, tally: &mut impl Tally) -> Option<u8>;
     /// Whether node `i` is known to have no details without decoding them.
     fn is_null(&self, i: u32) -> bool;
+    /// Whether none of the seven details of node `i` is stored, where that is seen at once.
+    fn has_none(&self, i: u32) -> bool {
+        self.is_null(i)
+    }
 }
 
 impl Coefficients for Cell<'_> {
@@ -74,6 +78,11 @@ impl Coefficients for OldCell<'_> {
 
     fn is_null(&self, _: u32) -> bool {
         false // the old stream cannot tell without looking at seven flags
+    }
+
+    fn has_none(&self, i: u32) -> bool {
+        // The seven at once: a machine with words of 64 bits can.
+        self.flags >> (7 * i + 1) & 0x7F == 0
     }
 }
 
@@ -179,6 +188,9 @@ impl<C: BitCount> Context<'_, C> {
         transform: impl FnOnce(&Group, &mut T) -> R,
         spread: impl FnOnce(Word) -> R,
     ) -> R {
+        if !T::COUNTS && cell.has_none(i) {
+            return spread(mean);
+        }
         let mut group = [mean; 8];
         for (j, slot) in (0..).zip(&mut group).skip(1) {
             let index = cell.detail(i, j, self.count, tally);

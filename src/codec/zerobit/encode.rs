@@ -9,6 +9,7 @@ use super::params::Stream;
 use super::plan::Plan;
 use super::select::keep;
 use super::train::{average_of, detail_of, each_detail, each_stored, with_component};
+use super::transform::{CellCoefficients, Number};
 use crate::error::{Error, Result};
 use crate::grid::View;
 use crate::voxel::SampleType;
@@ -49,7 +50,7 @@ impl Zerobit {
                     if stored == codes.len() {
                         codes.push(CellCode { average: 0, flags: 0, details: Vec::with_capacity(63) });
                     }
-                    code(cell, bits, null, t, book, plan, &mut codes[stored]);
+                    code(&cell, bits, null, t, book, plan, &mut codes[stored]);
                     stored += 1;
                     cbft |= 1 << n;
                 });
@@ -73,8 +74,8 @@ impl Zerobit {
 }
 
 /// Finds the words of a cell.
-fn code<const C: usize>(
-    cell: &[[i32; C]; 64],
+fn code<N: Number, const C: usize>(
+    cell: &CellCoefficients<'_, N, C>,
     bits: u64,
     null: [i32; C],
     t: SampleType,

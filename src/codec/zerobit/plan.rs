@@ -47,6 +47,7 @@ impl Coder {
     /// Search trees over the words of `book`.
     #[must_use]
     pub fn new(book: &Book) -> Self {
-        Coder { average: Nearest::new(book.averages()), detail: Nearest::new(book.details()) }
+        let (average, detail) = rayon::join(|| Nearest::new(book.averages()), || Nearest::new(book.details()));
+        Coder { average, detail }
     }
 }

@@ -2,7 +2,7 @@
 
 use super::params::KEEP_ALL;
 use super::plan::Cut;
-use super::transform::UnitCoefficients;
+use super::transform::{Component, UnitCoefficients};
 
 /// What one pass over bricks tells about a level before thresholds are set. Sums do not depend on the order.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -35,20 +35,27 @@ impl Survey {
 pub(super) type Kept = [u64; 64];
 
 /// Applies a cut to a unit block. What equals the threshold is kept, so that somewhat more may be kept than asked for.
-pub(super) fn keep<const C: usize>(unit: &UnitCoefficients<C>, cut: Cut, scratch: &mut Vec<u64>) -> Kept {
+pub(super) fn keep<S: Component, const C: usize>(
+    unit: &UnitCoefficients<S, C>,
+    cut: Cut,
+    scratch: &mut Vec<S::Key>,
+) -> Kept {
     let mut kept = [0; 64];
-    let Some(least) = threshold(unit, cut, scratch) else { return kept };
-    for n in unit.present() {
-        let bits = unit.keys(n).iter().rev().fold(0, |bits, &key| bits << 1 | u64::from(key >= least));
-        kept[n as usize] = bits;
+    if let Some(least) = threshold(unit, cut, scratch) {
+        unit.each_at_least(least, |n, p| kept[n] |= 1 << p);
     }
     kept
 }
 
 /// The smallest norm that is kept, at least 1; `None` where nothing is.
-fn threshold<const C: usize>(unit: &UnitCoefficients<C>, cut: Cut, scratch: &mut Vec<u64>) -> Option<u64> {
+fn threshold<S: Component, const C: usize>(
+    unit: &UnitCoefficients<S, C>,
+    cut: Cut,
+    scratch: &mut Vec<S::Key>,
+) -> Option<S::Key> {
     let (budget, nonzero) = match cut {
-        Cut::Least(norm) => return Some(norm.max(1)),
+        // No norm reaches one that a key cannot hold.
+        Cut::Least(norm) => return S::Key::try_from(norm.max(1)).ok(),
         Cut::Share { budget, nonzero } => (budget, nonzero),
     };
     if nonzero == 0 {
@@ -60,12 +67,10 @@ fn threshold<const C: usize>(unit: &UnitCoefficients<C>, cut: Cut, scratch: &mut
         return None;
     }
     if share as u64 >= unit.nonzero {
-        return Some(1);
+        return S::Key::try_from(1).ok();
     }
     scratch.clear();
-    for n in unit.present() {
-        scratch.extend(unit.keys(n).iter().filter(|&&key| key != 0));
-    }
+    unit.each_key(|key| scratch.push(key));
     let (_, least, _) = scratch.select_nth_unstable_by(share - 1, |a, b| b.cmp(a));
     Some(*least)
 }
@@ -105,12 +110,13 @@ impl RankSearch {
         vec![0; 1 << DIGIT_BITS]
     }
 
-    pub(super) fn count<const C: usize>(&self, unit: &UnitCoefficients<C>, digits: &mut Digits) {
-        for n in unit.present() {
-            for &key in unit.keys(n).iter().filter(|&&k| k != 0 && k >> self.shift >> DIGIT_BITS == self.prefix) {
+    pub(super) fn count<S: Component, const C: usize>(&self, unit: &UnitCoefficients<S, C>, digits: &mut Digits) {
+        unit.each_key(|key| {
+            let key: u64 = key.into();
+            if key >> self.shift >> DIGIT_BITS == self.prefix {
                 digits[(key >> self.shift & ((1 << DIGIT_BITS) - 1)) as usize] += 1;
             }
-        }
+        });
     }
 
     /// Takes the counts of a whole pass.

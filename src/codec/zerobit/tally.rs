@@ -20,6 +20,8 @@ pub enum Case {
 
 /// Takes notes while a plain decoder runs. `()` takes none and costs nothing.
 pub trait Tally {
+    /// Whether notes are wanted. Without them a decoder need not look at coefficients that are known to be null.
+    const COUNTS: bool = true;
     /// A coefficient was decoded, or a void unit block or null cell met.
     fn case(&mut self, case: Case);
     /// An addition or subtraction of two vectors was carried out.
@@ -27,6 +29,7 @@ pub trait Tally {
 }
 
 impl Tally for () {
+    const COUNTS: bool = false;
     #[inline(always)]
     fn case(&mut self, _: Case) {}
     #[inline(always)]

@@ -7,7 +7,7 @@ use super::layout::Layout;
 use super::params::Training;
 use super::plan::Cut;
 use super::select::{Digits, Kept, RankSearch, Survey, keep};
-use super::transform::{Component, UnitCoefficients};
+use super::transform::{CellCoefficients, Component, Number, UnitCoefficients};
 use crate::error::Result;
 use crate::grid::View;
 use crate::haar;
@@ -85,7 +85,8 @@ impl Trainer {
                 Training::Refined => refine(histogram, &book, REFINE_ROUNDS),
             }
         };
-        Book::new(t, words(self.average), words(self.detail))
+        let (average, detail) = rayon::join(|| words(self.average), || words(self.detail));
+        Book::new(t, average, detail)
     }
 }
 
@@ -95,7 +96,7 @@ impl Zerobit {
     pub fn survey(&self, src: View<'_>) -> Survey {
         with_component!(src.sample_type, S, C => {
             let mut survey = Survey { nonzero: 0, voxels: src.extent.voxels() };
-            self.each_unit::<S, C>(src, |_, unit| survey.nonzero += unit.nonzero);
+            self.each_unit_unweighed::<S, C>(src, |_, unit| survey.nonzero += unit.nonzero);
             survey
         })
     }
@@ -121,9 +122,9 @@ impl Zerobit {
             self.each_unit::<S, C>(src, |_, unit| {
                 let kept = keep(unit, cut, &mut scratch);
                 each_stored(unit, &kept, |_, cell, bits| {
-                    average.add(average_of(cell, null));
+                    average.add(average_of(&cell, null));
                     each_detail(bits, |p| {
-                        let word = detail_of(cell, p, t);
+                        let word = detail_of(&cell, p, t);
                         if word != Word::default() {
                             detail.add(word);
                         }
@@ -134,22 +135,35 @@ impl Zerobit {
         Survivors { average: average.finish(), detail: detail.finish() }
     }
 
-    /// Visits the unit blocks of a brick that have a coefficient, transformed. The visitor gets their number, too.
+    /// Visits the unit blocks of a brick that have a coefficient, transformed, with norms. The visitor gets their number,
+    /// too.
     pub(super) fn each_unit<S: Component, const C: usize>(
         &self,
         src: View<'_>,
-        mut visit: impl FnMut(usize, &UnitCoefficients<C>),
+        mut visit: impl FnMut(usize, &UnitCoefficients<S, C>),
+    ) {
+        let norm = self.params().norm;
+        self.each_unit_unweighed::<S, C>(src, |index, unit| {
+            unit.weigh(norm);
+            visit(index, unit);
+        });
+    }
+
+    fn each_unit_unweighed<S: Component, const C: usize>(
+        &self,
+        src: View<'_>,
+        mut visit: impl FnMut(usize, &mut UnitCoefficients<S, C>),
     ) {
         let units = Layout::new(src.extent).units;
         let null = self.null_components::<C>();
-        let mut unit = UnitCoefficients::new();
+        let mut unit = UnitCoefficients::<S, C>::new(null);
         let mut index = 0;
         for z in 0..units.z {
             for y in 0..units.y {
                 for x in 0..units.x {
-                    unit.load::<S>(&src, [x, y, z], null, self.params().norm);
+                    unit.load(&src, [x, y, z]);
                     if unit.present != 0 {
-                        visit(index, &unit);
+                        visit(index, &mut unit);
                     }
                     index += 1;
                 }
@@ -169,13 +183,13 @@ impl Zerobit {
 }
 
 /// Visits the cells of which something is kept, in order.
-pub(super) fn each_stored<const C: usize>(
-    unit: &UnitCoefficients<C>,
+pub(super) fn each_stored<S: Component, const C: usize>(
+    unit: &UnitCoefficients<S, C>,
     kept: &Kept,
-    mut visit: impl FnMut(u32, &[[i32; C]; 64], u64),
+    mut visit: impl FnMut(u32, CellCoefficients<'_, S::Number, C>, u64),
 ) {
-    for n in unit.present().filter(|&n| kept[n as usize] != 0) {
-        visit(n, unit.cell(n), kept[n as usize]);
+    for (n, &bits) in (0..).zip(kept).filter(|&(_, &bits)| bits != 0) {
+        visit(n, unit.cell(n), bits);
     }
 }
 
@@ -189,13 +203,15 @@ pub(super) fn each_detail(bits: u64, mut visit: impl FnMut(u32)) {
 }
 
 /// The average of a cell, rounded; within the range of the samples.
-pub(super) fn average_of<const C: usize>(cell: &[[i32; C]; 64], null: [i32; C]) -> Vector {
-    std::array::from_fn(|c| if c < C { haar::quantised(0, cell[0][c]) + null[c] } else { 0 })
+pub(super) fn average_of<N: Number, const C: usize>(cell: &CellCoefficients<'_, N, C>, null: [i32; C]) -> Vector {
+    let numerator = cell.numerator(0);
+    std::array::from_fn(|c| if c < C { haar::quantised(0, numerator[c]) + null[c] } else { 0 })
 }
 
 /// A detail, rounded, within the range that a codebook holds: only the upper end can be passed, by one half.
-pub(super) fn detail_of<const C: usize>(cell: &[[i32; C]; 64], p: u32, t: SampleType) -> Vector {
+pub(super) fn detail_of<N: Number, const C: usize>(cell: &CellCoefficients<'_, N, C>, p: u32, t: SampleType) -> Vector {
     let [lo, hi] = ranges(t).1;
     let p = p as usize;
-    std::array::from_fn(|c| if c < C { haar::quantised(p, cell[p][c]).clamp(lo, hi) } else { 0 })
+    let numerator = cell.numerator(p);
+    std::array::from_fn(|c| if c < C { haar::quantised(p, numerator[c]).clamp(lo, hi) } else { 0 })
 }
