@@ -11,7 +11,7 @@ use vug::{Extent, Grid};
 fn volume<T: Sample>(extent: Extent, codec: CodecChoice, zstd: bool, f: impl Fn(u32) -> T) -> Volume {
     // Soft, with bricks and cells that are empty.
     let value = |c: [u32; 3]| {
-        if hash(c.map(|v| v / 7)) % 4 == 0 { 0 } else { (c[0] + 2 * c[1] + 3 * c[2]) % 200 + hash(c) % 20 }
+        if hash(c.map(|v| v / 7)).is_multiple_of(4) { 0 } else { (c[0] + 2 * c[1] + 3 * c[2]) % 200 + hash(c) % 20 }
     };
     let mut grid = Grid::from_fn(extent, |c| f(value(c))).unwrap();
     let quality = match codec {

@@ -44,8 +44,9 @@ impl Tally {
             return;
         }
         if count > 0 {
-            // With as many waiting as there are distinct ones, a vector is moved a constant number of times on average.
-            if self.waiting.len() >= BUFFER.max(self.settled.len()) {
+            // With a quarter as many waiting as there are distinct ones, a vector is moved a constant number of times on
+            // average, and what waits is small beside what is settled.
+            if self.waiting.len() >= BUFFER.max(self.settled.len() / 4) {
                 self.settle();
             }
             self.waiting.push(Entry { vector, count });
