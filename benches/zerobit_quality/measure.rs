@@ -44,6 +44,12 @@ impl Default for Part {
     }
 }
 
+impl Part {
+    pub fn is_whole(&self) -> bool {
+        self.stride == 1 && self.crop.is_none()
+    }
+}
+
 /// What came of one setting.
 #[derive(Clone)]
 pub struct Point {

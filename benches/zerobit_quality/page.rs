@@ -1,5 +1,6 @@
 //! The results as Markdown.
 
+use crate::files;
 use crate::measure::{Part, Point, Variant};
 use crate::{COMPARED, KEEP, Results};
 use std::fmt::Write;
@@ -81,7 +82,9 @@ pub fn markdown(results: &[Results], part: &Part, chart: Option<&str>) -> String
     parts(o, results);
     streams(o, results);
     encoders(o, results);
-    out.push_str(READING);
+    if results.len() == files::cases().len() && part.is_whole() {
+        out.push_str(READING);
+    }
     out
 }
 

@@ -207,7 +207,7 @@ impl Codec {
     /// Damaged payloads of the right length decode to defined values, never to a panic.
     ///
     /// # Errors
-    /// `E_SIZE` where the payload's length is not [`Codec::payload_len`], `E_RANGE` where the region is not inside the
+    /// `E_SIZE` where the payload cannot be that long ([`Codec::payload_lens`]), `E_RANGE` where the region is not inside the
     /// brick, `E_PARAM` where `dst` does not have the region's extent or the codec does not hold its sample type.
     pub fn decode(&self, payload: &[u8], brick: Extent, region: &Region, dst: ViewMut<'_>) -> Result<()> {
         self.decode_hinted(payload, brick, region, dst, Stores::Cached)
