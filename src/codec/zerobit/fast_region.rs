@@ -82,10 +82,10 @@ fn decode_run(
     isa: Option<Isa>,
 ) -> Result<()> {
     #[cfg(target_arch = "x86_64")]
-    if let Some(token) = super::fast_v3::V3::detect() {
-        if isa != Some(Isa::Portable) {
-            return super::fast_v3::decode(token, codec, parts, dst, stores, isa);
-        }
+    if let Some(token) = super::fast_v3::V3::detect()
+        && isa != Some(Isa::Portable)
+    {
+        return super::fast_v3::decode(token, codec, parts, dst, stores, isa);
     }
     let _ = (stores, isa); // streaming takes special instructions
     let t = dst.sample_type;
