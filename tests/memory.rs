@@ -278,8 +278,8 @@ mod zerobit {
         3 * 64 * (edge * edge) as usize + (24 + 8 * jobs) * MIB
     }
 
-    /// What histograms of 2 Gvoxel of colours may take besides: they follow the number of distinct details, of which this
-    /// source has some millions at 24 bytes each, twice while they are merged.
+    /// What 2 Gvoxel of colours may take besides. Histograms follow the number of distinct coefficients, 24 bytes each and
+    /// twice while they are merged; how much of what was measured (618 MiB in all) they are was not taken apart.
     const LARGE_HISTOGRAMS: usize = 320 * MIB;
 
     #[test] // S-05
