@@ -30,8 +30,9 @@ struct Block<T> {
 /// cache blocks").
 ///
 /// A voxel that is not there brings the plane of its cell that lies across the axis chosen: 36 coefficients and 60 to 100
-/// vector operations for 16 voxels of a zerobit level, rather than 15 and 14 for one. It pays where neighbours in that
-/// plane follow soon, as in cutting planes. Right for every codec, but of use for zerobit only. The least recently used of
+/// vector operations for 16 voxels of a zerobit level, rather than 15 and 14 for one. It can pay where
+/// planes across that axis are read row by row; for cutting planes of any orientation a plain [`Sampler`] is faster (bench
+/// `zerobit`). Right for every codec, but of use for zerobit only. The least recently used of
 /// four planes makes room; nothing is allocated after [`Volume::plane_sampler`].
 pub struct PlaneSampler<'a, T> {
     sampler: Sampler<'a, T>,
