@@ -379,3 +379,33 @@ fn demo_makes_a_page_that_needs_nothing_else() {
         );
     }
 }
+
+#[test]
+fn a_reader_that_has_had_enough_is_no_error() {
+    let dir = tempfile::tempdir().unwrap();
+    let target = dir.path().join("s.vug");
+    std::fs::write(dir.path().join("s.raw"), [7u8; 4096]).unwrap();
+    let vug = assert_cmd::cargo::cargo_bin("vug");
+    let run = |args: &[&std::ffi::OsStr]| std::process::Command::new(&vug).args(args).output().unwrap();
+    let raw = dir.path().join("s.raw");
+    let made = run(&[
+        "encode".as_ref(),
+        raw.as_ref(),
+        target.as_ref(),
+        "--shape".as_ref(),
+        "16,16,16".as_ref(),
+        "--dtype".as_ref(),
+        "u8".as_ref(),
+    ]);
+    assert!(made.status.success(), "{made:?}");
+    let mut info = std::process::Command::new(&vug)
+        .arg("info")
+        .arg(&target)
+        .stdout(std::process::Stdio::piped())
+        .stderr(std::process::Stdio::piped())
+        .spawn()
+        .unwrap();
+    drop(info.stdout.take()); // nobody reads
+    let done = info.wait_with_output().unwrap();
+    assert!(done.status.success() && done.stderr.is_empty(), "{done:?}");
+}

@@ -145,6 +145,8 @@ fn malformed_codebooks_are_refused_with_their_place() {
     };
     let mut long = good.clone();
     long.extend([0; 4]);
+    // Before the count is looked at: f32 has none.
+    assert_eq!(Book::read_all(&good, 5000, SampleType::F32, 64).unwrap_err().code(), Code::Param);
     for (codebooks, code, at) in [
         (changed(0, 2), Code::Param, 0),
         (changed(1, 1), Code::Reserved, 1),

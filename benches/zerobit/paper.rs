@@ -3,6 +3,9 @@
 //!
 //! Both sides skip a node without details at the first sight of it: NEW by its zerobit, OLD by seven flags at once. `flags`
 //! is OLD without that, every flag looked at by itself and every sum made, which is how we read the paper.
+//!
+//! The plain decoder is compiled for the oldest machine of its kind, where counting bits takes a dozen instructions. For the
+//! machine's own instruction: `RUSTFLAGS="-C target-cpu=native" cargo bench --bench zerobit -- paper`.
 
 use crate::support::{Contestant, interleave};
 use std::hint::black_box;

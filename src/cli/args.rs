@@ -135,7 +135,7 @@ Examples:
   vug encode ct.nii.gz ct.vug --max-error 0.5%        … of the volume's range
   vug encode turb.raw turb.vug --shape 512,512,512 --dtype f32 --psnr 50
   vug encode colour.nrrd colour.vug --keep 3%         zerobit: the largest 3 % of the wavelet coefficients
-  vug encode colour.nrrd colour.vug --codec zerobit --psnr 35
+  vug encode colour.nrrd colour.vug --codec zerobit --psnr 30
   vug encode slices/ stack.vug --codec raw            slices/*.png, *.tif or *.jpg
   vug encode head.nrrd head.vug --no-zstd             to be mapped, or handed to the GPU as it is"
 )]
@@ -204,7 +204,7 @@ pub(super) struct Encode {
 /// What only zerobit has; any of these without --codec means zerobit.
 #[derive(Args, Clone)]
 pub(super) struct ZerobitArgs {
-    /// Zerobit: wavelet coefficients to keep, in % of the number of voxels (or as a ratio from 0 to 1) [default: 3%]
+    /// Zerobit: wavelet coefficients to keep, in % of the number of voxels, of selected ones with --select (or as a ratio from 0 to 1) [default: 3%]
     #[arg(long, value_name = "P%", conflicts_with_all = ["max_error", "psnr", "rate"], value_parser = parse_keep)]
     pub(super) keep: Option<u32>,
     /// Zerobit: thresholds by 16³ voxels, or one for the whole level [default: adaptive]
@@ -417,6 +417,7 @@ fn parse_keep(s: &str) -> Result<u32, String> {
     let (number, unit) = s.strip_suffix('%').map_or((s, 1e6), |percent| (percent, 1e4));
     match number.trim().parse::<f64>() {
         Ok(v) if v >= 0.0 && v * unit <= 1e6 => Ok((v * unit).round() as u32),
+        Ok(v) if v > 1.0 && v <= 100.0 && unit == 1e6 => Err(format!("{v} is a ratio above 1; is {v}% meant?")),
         _ => Err("wants a ratio from 0% to 100%, or from 0 to 1".into()),
     }
 }

@@ -100,7 +100,12 @@ pub(super) fn load_plane(
     if is_vug(path)? {
         let volume = Volume::open_path(path)?;
         let info = volume.info();
-        let index = middle(volume.levels().nth(usize::from(lod)).unwrap_or(info.dims));
+        let levels = volume.levels().len();
+        let Some(extent) = volume.levels().nth(usize::from(lod)) else {
+            return Err(Error::param("level", format!("the file has levels 0 to {}, not {lod}", levels - 1)));
+        };
+        let index = middle(extent);
+        check_index(extent, axis, index)?;
         let plane = volume.plane(At::lod(lod), axis, index)?;
         let (placement, volume_range) = (info.placement.clone(), info.source_range);
         return Ok((LoadedPlane { plane, placement, volume_range }, index));
@@ -110,8 +115,18 @@ pub(super) fn load_plane(
     }
     let Loaded { grid, placement } = load(path, import)?;
     let index = middle(grid.extent());
+    check_index(grid.extent(), axis, index)?;
     let (plane, volume_range) = (cut(&grid, axis, index)?, grid.range().unwrap_or_default());
     Ok((LoadedPlane { plane, placement, volume_range }, index))
+}
+
+fn check_index(extent: Extent, axis: Axis, index: u32) -> Result<()> {
+    let n = extent.to_array()[axis as usize];
+    if index < n {
+        return Ok(());
+    }
+    let name = ["x", "y", "z"][axis as usize];
+    Err(Error::new(crate::error::Code::Range, "index", format!("{index} is outside: {name} has 0 to {}", n - 1)))
 }
 
 /// Plane `index` across `axis` of a grid.

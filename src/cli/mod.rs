@@ -16,6 +16,7 @@ use std::process::ExitCode;
 /// Exit codes: 0 fine; 1 a result is over its bound, or bricks were lost; 2 wrong usage; 3 unreadable or corrupt input.
 #[must_use]
 pub fn main() -> ExitCode {
+    end_quietly_with_the_reader();
     let args = args::Vug::parse(); // exits with 2 where it cannot
     let common = args.command.common().clone();
     let jobs = common.jobs.unwrap_or(0);
@@ -34,4 +35,16 @@ pub fn main() -> ExitCode {
             ExitCode::from(output::exit_code(&error))
         }
     }
+}
+
+/// Whoever reads our output may have had enough (`vug info FILE | head -1`): then there is nobody left to tell.
+fn end_quietly_with_the_reader() {
+    let usual = std::panic::take_hook();
+    std::panic::set_hook(Box::new(move |panic| {
+        let text = panic.payload_as_str().unwrap_or_default();
+        if text.starts_with("failed printing to stdout") && text.contains("Broken pipe") {
+            std::process::exit(0);
+        }
+        usual(panic);
+    }));
 }

@@ -8,7 +8,7 @@ use std::sync::{Arc, OnceLock};
 
 /// Codebooks, once they have been read.
 #[derive(Default)]
-pub(super) struct Books(OnceLock<Arc<[Book]>>);
+pub(super) struct Books(OnceLock<Result<Arc<[Book]>>>);
 
 impl Volume {
     /// All codebooks: one read, unless the head holds them; none for the next time.
@@ -16,12 +16,16 @@ impl Volume {
     /// # Errors
     /// `E_SECTION_CRC`, `E_REPLACED`, `E_LIMIT`, and what a malformed section yields.
     pub fn codebooks(&self) -> Result<&Arc<[Book]>> {
-        if let Some(books) = self.books.0.get() {
-            return Ok(books);
+        if let Some(known) = self.books.0.get() {
+            return known.as_ref().map_err(again);
         }
-        let books = self.read_books()?;
+        let books = match self.read_books() {
+            // A source that fails may answer the next time; what is damaged stays so and is not read for every brick.
+            Err(e) if e.code() == Code::Source => return Err(e),
+            books => books.map(Arc::from),
+        };
         // Another thread may have been faster: then its result stands, which is the same.
-        Ok(self.books.0.get_or_init(|| books.into()))
+        self.books.0.get_or_init(|| books).as_ref().map_err(again)
     }
 
     // spec: ZBT-34
@@ -37,5 +41,13 @@ impl Volume {
         };
         entry.check_crc(&stored).map_err(|e| self.replaced_or(e))?;
         Book::read_all(&stored, entry.item_count, self.info().sample_type, entry.offset)
+    }
+}
+
+/// The same error once more.
+fn again(e: &Error) -> Error {
+    match e.offset() {
+        Some(offset) => Error::at(e.code(), offset, e.field().to_owned(), e.message().to_owned()),
+        None => Error::new(e.code(), e.field().to_owned(), e.message().to_owned()),
     }
 }

@@ -61,7 +61,7 @@ pub(super) fn choose(
             Found::Missed(best) => Err(Error::param(
                 name(options.quality),
                 format!(
-                    "zerobit cannot reach {}{best}; use a weaker bound, smaller regions (--codebook-region 1), or --codec raw or auto",
+                    "zerobit cannot reach {}{best}; use a weaker bound, or --codec raw or auto",
                     describe(options.quality)
                 ),
             )),

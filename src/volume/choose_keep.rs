@@ -2,18 +2,19 @@
 
 use super::brick_encoder::{BrickEncoder, BrickStats};
 use super::choose::{Choice, check, holds};
-use super::options::{EncodeOptions, Quality};
+use super::options::{EncodeOptions, Quality, ZerobitOptions};
 use super::zerobit::Encoding;
 use crate::codec::Codec;
-use crate::codec::zerobit::{KEEP_ALL, Zerobit};
+use crate::codec::zerobit::{KEEP_ALL, Threshold, Training, Zerobit};
 use crate::error::{Error, Result};
 use crate::geometry::Extent;
 use crate::grid::SlabReader;
+use crate::metrics::psnr;
 use crate::voxel::SampleValue;
 use std::ops::Range;
 
-/// The ratio that a search tries first, in millionths.
-const FIRST: u32 = 30_000;
+/// Ratios that a search tries first, in millionths, until one lies beyond the edge.
+const LADDER: [u32; 7] = [30_000, 90_000, 200_000, 300_000, 450_000, 700_000, KEEP_ALL];
 /// A search ends where the ratio is known to one part in this many.
 const PRECISION: u32 = 64;
 /// Looks at the source that a search takes at most: trials of two looks each. Progress bars go by it.
@@ -56,74 +57,76 @@ pub(super) fn choose_keep(
         Quality::MaxError(_) | Quality::Psnr(_) => None,
     };
     check(options.quality)?;
-    choice(FIRST)?; // the sample type, before hours are spent
+    choice(LADDER[0])?; // the sample type, before hours are spent
     let lods = 0..if rate.is_some() { options.lod_count(reader.extent(), brick_log2)? } else { 1 };
     let voxels = reader.extent().voxels() as f64;
     let encoder =
         BrickEncoder { codec: Codec::Raw, zstd: false, non_finite: options.non_finite, null, weigh_lossless: false };
-    // With more kept, a rate is at some ratio no longer held, a bound from some ratio on: either way there is one edge.
-    let mut run = |keep: u32| -> Result<(bool, BrickStats)> {
+    // More coefficients share 256 words, so that the error may grow again: what counts is the best of all that was tried.
+    let mut tried: Vec<(u32, BrickStats)> = Vec::new();
+    let within = |stats: &BrickStats, rate: f64| stats.payload as f64 * 8.0 / voxels <= rate;
+    // Beyond the edge a bound is held, or a rate is passed.
+    let mut is_beyond = |keep: u32| -> Result<bool> {
         let stats = trial(reader, options, &codec(keep)?, &encoder, brick_log2, lods.clone(), progress)?;
-        let held = match rate {
-            Some(rate) => stats.payload as f64 * 8.0 / voxels > rate,
-            None => holds(&stats, options.quality),
-        };
-        Ok((held, stats))
+        let beyond = rate.map_or_else(|| holds(&stats, options.quality), |rate| !within(&stats, rate));
+        tried.push((keep, stats));
+        Ok(beyond)
     };
-    // More coefficients share 256 words: the error may grow again, so that the best is not always the last.
-    let mut best = None;
+    let (mut low, mut high) = (None, None);
+    for keep in LADDER {
+        if is_beyond(keep)? {
+            high = Some(keep);
+            break;
+        }
+        low = Some(keep);
+    }
+    while let (None, Some(keep @ 1..)) = (low, high) {
+        let less = if keep > 100 { keep / 4 } else { 0 };
+        *if is_beyond(less)? { &mut high } else { &mut low } = Some(less);
+    }
+    if let (Some(mut low), Some(mut high)) = (low, high) {
+        while high - low > 1 + high / PRECISION {
+            let middle = low + (high - low) / 2;
+            *if is_beyond(middle)? { &mut high } else { &mut low } = middle;
+        }
+    }
+    if let Some(rate) = rate {
+        let best = tried
+            .iter()
+            .filter(|(_, stats)| within(stats, rate))
+            .min_by(|(_, a), (_, b)| a.error.sum_sq.total_cmp(&b.error.sum_sq).then(a.payload.cmp(&b.payload)));
+        let least = tried.iter().map(|(_, stats)| stats.payload).min().unwrap_or(0) as f64 * 8.0 / voxels;
+        let too_few = format!("{rate} bits per voxel are too few: this volume takes at least {least:.3} with zerobit");
+        return best.map_or(Err(Error::param("rate", too_few)), |(keep, _)| choice(*keep));
+    }
+    if let Some((keep, _)) = tried.iter().filter(|(_, stats)| holds(stats, options.quality)).min_by_key(|t| t.0) {
+        return choice(*keep);
+    }
     let off = |stats: &BrickStats| match options.quality {
         Quality::Psnr(_) => stats.error.rmse(),
         _ => stats.error.max_abs,
     };
-    // `below` is on this side of the edge, `beyond` on that one.
-    let (mut below, mut beyond) = (None, None);
-    let mut keep = FIRST;
-    let edge = loop {
-        let (is_beyond, stats) = run(keep)?;
-        if best.as_ref().is_none_or(|(_, best)| off(&stats) < off(best)) {
-            best = Some((keep, stats));
-        }
-        if is_beyond {
-            beyond = Some(keep);
-        } else {
-            below = Some(keep);
-        }
-        keep = match (below, beyond) {
-            (Some(KEEP_ALL), None) => {
-                if rate.is_some() {
-                    break KEEP_ALL;
-                }
-                let (keep, stats) = best.expect("some have been tried");
-                return Ok(Found::Missed(format!(
-                    ": with {} % of the coefficients, the best, the largest error is {}, the root mean square {:.4}",
-                    f64::from(keep) / 1e4,
-                    stats.error.max_abs,
-                    stats.error.rmse()
-                )));
-            }
-            (Some(below), None) => below.saturating_mul(3).min(KEEP_ALL),
-            (None, Some(0)) => break 0,
-            (None, Some(beyond)) => {
-                if beyond > 100 {
-                    beyond / 4
-                } else {
-                    0
-                }
-            }
-            (Some(below), Some(beyond)) if beyond - below <= 1 + beyond / PRECISION => {
-                break if rate.is_some() { below } else { beyond };
-            }
-            (Some(below), Some(beyond)) => below + (beyond - below) / 2,
-            (None, None) => unreachable!("one of them has just been set"),
-        };
-    };
-    if let (Some(rate), None) = (rate, below) {
-        let least = run(0)?.1.payload as f64 * 8.0 / voxels;
-        let message = format!("{rate} bits per voxel are too few: this volume takes at least {least:.3}");
-        return Err(Error::param("rate", message));
-    }
-    choice(edge)
+    let best = tried.iter().min_by(|(_, a), (_, b)| off(a).total_cmp(&off(b)));
+    let (keep, stats) = best.expect("the whole ladder has been tried");
+    let range = stats.source.map_or(0.0, |(lo, hi)| hi - lo);
+    Ok(Found::Missed(format!(
+        ": of what was tried, {} % of the coefficients come closest, with a largest error of {} and {:.2} dB{}",
+        f64::from(*keep) / 1e4,
+        stats.error.max_abs,
+        psnr(range, stats.error.rmse()).unwrap_or(f64::INFINITY),
+        advice(&options.zerobit)
+    )))
+}
+
+/// What may come closer still, as far as it has not been asked for.
+fn advice(options: &ZerobitOptions) -> String {
+    let more = [
+        (options.threshold == Threshold::Adaptive, "--threshold global"),
+        (options.training == Training::MedianCut, "--training refined"),
+        (options.codebook_region.is_none(), "--codebook-region 1"),
+    ];
+    let more: Vec<&str> = more.into_iter().filter(|m| m.0).map(|m| m.1).collect();
+    if more.is_empty() { String::new() } else { format!("; closer may come {}", more.join(" ")) }
 }
 
 /// Encodes some levels without writing them, and tells what came of it. Codebooks count as payload.

@@ -24,7 +24,7 @@ impl Selection {
     /// The cells that hold a voxel at which `mask` is not 0. Memory: a bit per cell, and four planes of the mask.
     ///
     /// # Errors
-    /// Those of the reader.
+    /// `E_PARAM` for a mask that selects nothing; those of the reader.
     pub fn from_mask(mask: &mut dyn SlabReader) -> Result<Selection> {
         let (extent, t) = (mask.extent(), mask.sample_type());
         let plane_bytes = dense_len(Extent { z: 1, ..extent }, t)?;
@@ -45,6 +45,9 @@ impl Selection {
                     }
                 }
             }
+        }
+        if bits.iter().all(|&b| b == 0) {
+            return Err(Error::param("selection", "the mask is 0 everywhere: nothing would be stored"));
         }
         Ok(Selection { extent, cells, bits: bits.into() })
     }
@@ -113,7 +116,7 @@ impl<'a> Selected<'a> {
         if extent != own {
             return Err(Error::param(
                 "selection",
-                format!("it is for {own} voxels, the volume has {extent} (x, y, z)"),
+                format!("the mask (--select) has {own} voxels, the volume {extent} (x, y, z)"),
             ));
         }
         Ok(Selected { inner, selection, null })

@@ -48,6 +48,8 @@ pub struct VolumeWriter<W: Write + Seek> {
     file_id: Option<[u8; 16]>,
     totals: Totals,
     books: Vec<Book>,
+    /// Voxels of level 0 that are selected.
+    selected: Option<u64>,
 }
 
 #[derive(Default)]
@@ -69,6 +71,8 @@ pub struct EncodeReport {
     pub zerobit: Option<crate::codec::zerobit::Params>,
     /// Codebooks in the file.
     pub codebooks: u64,
+    /// Voxels that were selected, where a selection was encoded. Errors are over these; all others are the null value.
+    pub selected: Option<u64>,
     /// Largest error of a voxel.
     pub max_error: f64,
     /// Mean absolute error.
@@ -81,7 +85,7 @@ pub struct EncodeReport {
     pub source_range: (f64, f64),
     /// Original bytes / bytes by the paper's formula, with ceilings (S3Dc §3.3); `None` where the codec has none.
     pub ratio_formula: Option<f64>,
-    /// Original bytes / payload bytes before zstd and codebooks, all levels.
+    /// Original bytes / bytes of payloads before zstd and of codebooks, all levels.
     pub ratio_payload: f64,
     /// Original bytes / file bytes.
     pub ratio_file: f64,
@@ -151,12 +155,14 @@ impl<W: Write + Seek> VolumeWriter<W> {
             file_id: options.file_id,
             totals: Totals::default(),
             books: Vec::new(),
+            selected: options.selection.as_ref().map(|s| s.voxels(0)),
         })
     }
 
     /// Encodes and writes brick `brick` (position in bricks): its samples, cropped to the volume.
     ///
-    /// With zerobit every brick has thresholds and a codebook of its own; [`encode`](super::encode) shares them.
+    /// With zerobit every brick has thresholds and a codebook of its own, so that 4,096 bricks can be stored;
+    /// [`encode`](super::encode) shares them.
     ///
     /// # Errors
     /// `E_RANGE`, `E_PARAM` where brick or samples do not fit the volume, `E_NONFINITE`, `E_SOURCE`.
@@ -174,7 +180,12 @@ impl<W: Write + Seek> VolumeWriter<W> {
             && encoder.constant(samples).is_none()
         {
             let number = self.books.len() as u64;
-            limits::check("codebooks", number + 1, limits::MAX_CODEBOOKS)?;
+            if number >= limits::MAX_CODEBOOKS {
+                let most = limits::MAX_CODEBOOKS;
+                let message =
+                    format!("more than {most} stored bricks, each with a codebook; use larger bricks, or `encode`");
+                return Err(Error::new(Code::Limit, "codebooks", message));
+            }
             let (codec, own) = zerobit::for_one_brick(codec, samples, self.books.len() as u32)?;
             (encoder.codec, book) = (Codec::Zerobit(codec), Some(own));
         }
@@ -242,7 +253,11 @@ impl<W: Write + Seek> VolumeWriter<W> {
     /// # Errors
     /// `E_SOURCE`; `E_LIMIT` where the metadata is too large.
     pub fn finish(mut self) -> Result<(W, EncodeReport)> {
-        let Totals { finest, mut payload, replaced, kinds } = self.totals;
+        let Totals { mut finest, mut payload, replaced, kinds } = self.totals;
+        if let Some(selected) = self.selected {
+            // The others are null in source and result: they must not make the mean look better.
+            finest.error.count = selected * self.descriptor.sample_type.components() as u64;
+        }
         let d = &mut self.descriptor;
         d.source_range = finest.source.unwrap_or_default();
         d.payload_bytes = payload;
@@ -275,6 +290,7 @@ impl<W: Write + Seek> VolumeWriter<W> {
             s3dc,
             zerobit,
             codebooks,
+            selected: self.selected,
             max_error: error.max_abs,
             mean_error: error.mean_abs(),
             rmse: error.rmse(),

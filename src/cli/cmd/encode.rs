@@ -164,6 +164,10 @@ fn options(args: &Encode) -> EncodeOptions {
 /// The `META` section: what wrote the file, and what the source's header said unless it is to be dropped.
 fn meta(args: &Encode, header: &Value) -> String {
     let mut meta = json!({ "generator": concat!("vug ", env!("CARGO_PKG_VERSION")) });
+    if let Some(mask) = &args.select {
+        // The file itself says it for zerobit only.
+        meta["selected"] = json!(mask.file_name().map(|name| name.to_string_lossy()));
+    }
     if !args.strip_metadata {
         meta["source"] = header.clone();
     }
@@ -178,6 +182,7 @@ pub(super) fn report_json(r: &EncodeReport) -> Value {
         "block": r.s3dc.map(|p| p.block().to_array()),
         "keep": r.zerobit.map(|p| f64::from(p.keep_ppm()) / 1e6),
         "codebooks": r.codebooks,
+        "selected_voxels": r.selected,
         "max_error": r.max_error,
         "mean_error": r.mean_error,
         "rmse": r.rmse,
@@ -203,6 +208,7 @@ fn report_text(r: &EncodeReport) -> String {
             p.training.name()
         ),
         (Some(p), _) => format!("s3dc, {} bits, blocks of {}, {}", p.i_bits(), p.block(), p.endpoints().name()),
+        (None, None) if r.selected.is_some() => "raw (lossless where selected)".into(),
         (None, None) => "raw (lossless)".into(),
     };
     let ratio = |v: f64| if v.is_finite() { format!("{v:.3}") } else { "-".into() };
@@ -227,5 +233,7 @@ fn report_text(r: &EncodeReport) -> String {
         r.mean_error,
         r.rmse,
         psnr_text(r.psnr, r.max_error == 0.0),
-    )
+    ) + &r.selected.map_or(String::new(), |n| {
+        format!("selected    {n} voxels: errors are of these, all others are the null value now\n")
+    })
 }

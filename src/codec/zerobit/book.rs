@@ -102,6 +102,15 @@ impl Book {
     /// # Errors
     /// `E_TRUNCATED`, `E_PARAM`, `E_LIMIT`, `E_RESERVED`, `E_PADDING`, `E_SIZE`, with absolute offsets.
     pub fn read_all(section: &[u8], count: u64, t: SampleType, at: u64) -> Result<Vec<Book>> {
+        // spec: ZBT-6
+        if t == SampleType::F32 {
+            return Err(Error::at(
+                Code::Param,
+                at,
+                "CBOK",
+                "a volume of f32 has no codebooks: zerobit stores integers",
+            ));
+        }
         limits::check("CBOK.item_count", count, limits::MAX_CODEBOOKS)?;
         let mut books = Vec::new();
         let mut from = 0;

@@ -12,6 +12,7 @@ use super::train::{average_of, detail_of, each_detail, each_stored, with_compone
 use super::transform::{CellCoefficients, Number};
 use crate::error::{Error, Result};
 use crate::grid::View;
+use crate::limits;
 use crate::voxel::SampleType;
 
 /// A stored cell: index of the average, and of the details by position.
@@ -27,13 +28,16 @@ impl Zerobit {
     /// Appends the payload of a brick to `out`; the same brick and plan give the same bytes.
     ///
     /// # Errors
-    /// `E_PARAM` where there is no plan, `E_REF` where its codebook is missing.
+    /// `E_LIMIT` for views of more than 4,096 unit blocks, `E_PARAM` where there is no plan, `E_REF` where its codebook is missing.
     pub(in crate::codec) fn encode(&self, src: View<'_>, out: &mut Vec<u8>) -> Result<()> {
         let plan = self.plan().ok_or_else(|| {
             Error::param("codec", "zerobit encodes by a plan: survey the level, train a codebook, then use `planned`")
         })?;
         let start = out.len();
-        let units = Layout::new(src.extent).units.voxels() as usize;
+        let units = Layout::new(src.extent).units.voxels();
+        // As many as a brick of 256³ has: offsets then fit their 24 bits.
+        limits::check("zerobit.unit_blocks", units, 4096)?;
+        let units = units as usize;
         out.extend(plan.book.to_le_bytes());
         let book = self.book(&out[start..])?;
         out.extend(u32::try_from(units).expect("at most 4096").to_le_bytes());
@@ -59,7 +63,7 @@ impl Zerobit {
                 }
                 // spec: ZBT-9, ZBT-11, ZBT-28
                 let base = out.len() - start;
-                let entry = u32::try_from(base / 4).expect("below 2^24") << 8 | stored as u32;
+                let entry = u32::try_from(base / 4).expect("5,004 bytes per unit block at most") << 8 | stored as u32;
                 let at = start + PREFIX_BYTES + 4 * index;
                 out[at..at + 4].copy_from_slice(&entry.to_le_bytes());
                 match self.stream() {

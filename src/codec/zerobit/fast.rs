@@ -26,6 +26,8 @@ pub struct BrickFrame<'a> {
     far: bool,
     #[cfg(target_arch = "x86_64")]
     pub(super) v3: Option<super::fast_v3::V3>,
+    #[cfg(target_arch = "x86_64")]
+    pub(super) v4: Option<super::fast_v3::V4>,
 }
 
 /// A brick whose voxels, planes and cells are to be read one by one. Coordinates must lie inside the brick.
@@ -119,6 +121,8 @@ impl<'a> BrickFrame<'a> {
             far: false,
             #[cfg(target_arch = "x86_64")]
             v3: super::fast_v3::V3::detect(),
+            #[cfg(target_arch = "x86_64")]
+            v4: super::fast_v3::V4::detect(),
         }
     }
 

@@ -62,6 +62,14 @@ pub(super) fn voxels<T: Sample>(_: V3, readers: &[BrickReader<'_>], coords: &[Co
 /// A cell of a brick.
 #[inline(always)]
 pub(super) fn cell<T: Sample>(_: V3, reader: &BrickReader<'_>, c: Coord, out: &mut [T; 64]) {
+    #[target_feature(enable = "avx512f,avx512bw,avx512vl,avx512vbmi,avx512vbmi2,avx2,bmi1,bmi2,popcnt,lzcnt")]
+    fn wide<T: Sample>(reader: &BrickReader<'_>, c: Coord, out: &mut [T; 64], token: V4) {
+        reader.cell_with(&WideCells(reader.frame.tables, token), c, out);
+    }
+    if let Some(token) = reader.frame.v4.filter(|_| T::TYPE == SampleType::Rgb8) {
+        // SAFETY: the token proves the instructions.
+        return unsafe { wide(reader, c, out, token) };
+    }
     #[target_feature(enable = "avx2,bmi1,bmi2,popcnt,lzcnt")]
     fn inner<T: Sample>(reader: &BrickReader<'_>, c: Coord, out: &mut [T; 64]) {
         match T::TYPE {

@@ -65,10 +65,17 @@ fn agree<T: Sample>(stream: Stream, seed: u64) {
         let mut out = [at([0; 3])];
         BrickReader::voxels_with(&[reader], &[c], &mut out, &Portable);
         assert_eq!(out[0], at(c));
+        // The same by whatever this machine has.
+        assert_eq!(reader.voxel::<T>(c), at(c), "{c:?}");
+        BrickReader::voxels(&[reader], &[c], &mut out);
+        assert_eq!(out[0], at(c));
+        let (mut fast_cell, mut fast_plane) = ([at([0; 3]); 64], [at([0; 3]); 16]);
+        reader.cell(c, &mut fast_cell);
         let first = c.map(|v| v & !3);
         let inside = |c: Coord| extent.contains(c);
         let mut cell = [at([0; 3]); 64];
         reader.cell_portable(c, &mut cell);
+        assert_eq!(fast_cell, cell);
         for (k, &v) in (0u32..).zip(&cell) {
             let c = [first[0] + (k & 3), first[1] + (k >> 2 & 3), first[2] + (k >> 4)];
             assert!(!inside(c) || v == at(c), "cell at {c:?}");
@@ -76,6 +83,8 @@ fn agree<T: Sample>(stream: Stream, seed: u64) {
         for axis in 0..3 {
             let mut plane = [at([0; 3]); 16];
             reader.plane_portable(axis, c, &mut plane);
+            reader.plane(axis, c, &mut fast_plane);
+            assert_eq!(fast_plane, plane);
             for (k, &v) in (0u32..).zip(&plane) {
                 let mut at_k = c;
                 for (a, step) in (0..3).filter(|&a| a != axis).zip([k & 3, k >> 2]) {
