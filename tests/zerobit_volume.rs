@@ -5,7 +5,7 @@ mod zerobit_support;
 
 use std::io::Cursor;
 use support::{open, verify};
-use vug::codec::zerobit::Stream;
+use vug::codec::zerobit::{Book, Stream};
 use vug::container::rewrite;
 use vug::geometry::{Extent, Region};
 use vug::limits::Limits;
