@@ -63,9 +63,9 @@ fn outcome(name: &str, grid: &mut Grid, options: &EncodeOptions) -> Option<Encod
             let all = try_encode(grid, &all).unwrap().1;
             let number = |name: &str| -> f64 {
                 let rest = error.message().split_once(name).unwrap().1;
-                rest.split([',', ';']).next().unwrap().parse().unwrap()
+                rest.split(' ').next().unwrap().parse().unwrap()
             };
-            let (max, rmse) = (number("largest error is "), number("root mean square "));
+            let (max, db) = (number("a largest error of "), number(&format!("{} and ", number("a largest error of "))));
             match options.quality {
                 Quality::MaxError(bound) => {
                     let most = match bound {
@@ -74,7 +74,7 @@ fn outcome(name: &str, grid: &mut Grid, options: &EncodeOptions) -> Option<Encod
                     };
                     assert!(max > most && all.max_error >= max, "{error}");
                 }
-                Quality::Psnr(v) => assert!(all.psnr.unwrap() < v && all.rmse >= rmse - 1e-4, "{error}"),
+                Quality::Psnr(v) => assert!(db < v + 0.005 && all.psnr.unwrap() < db + 0.005, "{error}"),
                 _ => unreachable!("a bound"),
             }
             None
@@ -152,8 +152,10 @@ fn rates_are_kept() {
                 let books = volume.head().section(*b"CBOK").map_or(0, |s| s.stored_len);
                 let bits = (volume.info().payload_bytes + books) as f64 * 8.0 / voxels;
                 assert!(bits <= rate, "{name}: {bits} > {rate}");
-                assert!(rate < 20.0 || report.zerobit.unwrap().keep_ppm() == KEEP_ALL, "{name}: {report:?}");
-                assert!(report.rmse <= last * 1.1, "{name}: more bits are hardly worse");
+                assert!(
+                    report.rmse <= last * 1.02,
+                    "{name}: the best of all that was tried, so that more bits are hardly worse"
+                );
                 last = report.rmse;
             }
         }

@@ -127,7 +127,7 @@ fn bounds_take_zerobit_for_colours() {
         std::fs::remove_file(d.join("out.vug")).unwrap();
         refused(d, "colour.raw", "rgb8", &["--max-error", "0", "--codec", "zerobit"])
     };
-    assert!(err.contains("E_PARAM") && err.contains("the largest error is") && err.contains("weaker bound"), "{err}");
+    assert!(err.contains("E_PARAM") && err.contains("a largest error of") && err.contains("weaker bound"), "{err}");
     let err = refused(d, "colour.raw", "rgb8", &["--rate", "0.0001", "--codec", "zerobit"]);
     assert!(err.contains("at least"), "{err}");
 }
@@ -136,7 +136,9 @@ fn bounds_take_zerobit_for_colours() {
 fn refusals() {
     let dir = folder();
     let d = dir.path();
-    for keep in ["150%", "1.5", "-1%", "x", "100.001%", "nan", "inf"] {
+    let meant = refused(d, "colour.raw", "rgb8", &["--keep=1.5"]);
+    assert!(meant.contains("is 1.5% meant?"), "{meant}");
+    for keep in ["150%", "150", "-1%", "x", "100.001%", "nan", "inf"] {
         let err = refused(d, "colour.raw", "rgb8", &[&format!("--keep={keep}")]);
         assert!(err.contains("0% to 100%"), "{keep}: {err}");
     }
