@@ -37,7 +37,7 @@ impl Encoding<'_> {
             let voxels = view.extent.voxels();
             // Constant bricks take no coefficients: what they would have is left to the others.
             let constant = self.encoder.constant(view).is_some();
-            Ok(if constant { Survey { nonzero: 0, voxels } } else { self.codec.survey(view) })
+            Ok(if constant { Survey { voxels, ..Survey::default() } } else { self.codec.survey(view) })
         };
         self.each(reader, lod, None, work, |_, survey| {
             progress(survey.voxels);
@@ -52,10 +52,11 @@ impl Encoding<'_> {
 
     /// What to keep of level `lod`; a global threshold takes two or three more looks.
     pub(super) fn cut(&self, reader: &mut dyn SlabReader, lod: u8, survey: &Survey) -> Result<Cut> {
-        let budget = survey.budget(self.codec.params().keep_ppm());
+        let keep = self.codec.params().keep_ppm();
         if self.codec.params().threshold == Threshold::Adaptive {
-            return Ok(Cut::Share { budget, nonzero: survey.nonzero });
+            return Ok(Cut::Share { budget: survey.budget(keep), nonzero: survey.nonzero });
         }
+        let budget = survey.budget(keep);
         let mut search = RankSearch::new(budget, is_wide(reader.sample_type()));
         while !search.is_done() {
             let mut total = search.digits();

@@ -215,9 +215,6 @@ pub fn numerators(grid: &Grid, unit: [u32; 3], null: i32) -> Vec<Option<Vec<[i32
 
 /// Square of a coefficient, in units that compare between levels.
 pub fn size(cell: &[[i32; 64]], p: usize, norm: Norm) -> u64 {
-    if cell.iter().all(|s| haar::quantised(p, s[p]) == 0) {
-        return 0; // what rounds to 0 is nothing
-    }
     let square: u64 = cell.iter().map(|s| i64::from(s[p]).pow(2) as u64).sum();
     match (p < 8, norm) {
         (true, _) => square,

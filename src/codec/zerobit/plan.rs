@@ -11,7 +11,7 @@ pub enum Cut {
     Share {
         /// Coefficients to keep in the whole level.
         budget: u64,
-        /// Coefficients of the whole level that do not round to 0.
+        /// Coefficients of the whole level that are not 0.
         nonzero: u64,
     },
     /// Those whose norm is at least this.

@@ -7,7 +7,7 @@ use super::transform::{Component, UnitCoefficients};
 /// What one pass over bricks tells about a level before thresholds are set. Sums do not depend on the order.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Survey {
-    /// Coefficients that do not round to 0.
+    /// Coefficients that are not 0.
     pub nonzero: u64,
     /// Voxels: what the ratio to keep refers to, unless a selection is smaller.
     pub voxels: u64,

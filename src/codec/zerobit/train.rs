@@ -95,7 +95,7 @@ impl Zerobit {
     #[must_use]
     pub fn survey(&self, src: View<'_>) -> Survey {
         with_component!(src.sample_type, S, C => {
-            let mut survey = Survey { nonzero: 0, voxels: src.extent.voxels() };
+            let mut survey = Survey { voxels: src.extent.voxels(), ..Survey::default() };
             self.each_unit_unweighed::<S, C>(src, |_, unit| survey.nonzero += unit.nonzero);
             survey
         })

@@ -7,7 +7,7 @@ use super::layout::{CELL_EDGE, UNIT_EDGE};
 use super::params::Norm;
 use crate::geometry::{Coord, Extent};
 use crate::grid::View;
-use std::ops::{Add, Sub};
+use std::ops::{Add, BitOr, Sub};
 
 /// One component of a sample.
 pub(super) trait Component: bytemuck::Pod {
@@ -25,24 +25,11 @@ pub(super) trait Component: bytemuck::Pod {
 
 /// A signed integer with room for sums of 64 samples.
 pub(super) trait Number:
-    Copy + Default + PartialEq + Into<i32> + Add<Output = Self> + Sub<Output = Self>
+    Copy + Default + PartialEq + Into<i32> + Add<Output = Self> + Sub<Output = Self> + BitOr<Output = Self>
 {
-    /// Whether the coefficient rounds to 0: a numerator of `-half..half`, where 1 is `2 * half`.
-    fn rounds_to_0(self, half: u8) -> bool;
 }
-
-macro_rules! number {
-    ($($t:ty)*) => {$(
-        impl Number for $t {
-            #[inline(always)]
-            fn rounds_to_0(self, half: u8) -> bool {
-                let half = <$t>::from(half);
-                self.wrapping_add(half).cast_unsigned() < (2 * half).cast_unsigned()
-            }
-        }
-    )*};
-}
-number! { i16 i32 }
+impl Number for i16 {}
+impl Number for i32 {}
 
 impl Component for u8 {
     // |numerator| ≤ 64 · 255.
@@ -118,9 +105,9 @@ pub(super) struct UnitCoefficients<S: Component, const C: usize> {
     null: [S::Number; C],
     /// Bytes of a row of 16 voxels that are null.
     null_row: Vec<u8>,
-    /// Cells that have a coefficient which does not round to 0.
+    /// Cells that have a coefficient which is not 0.
     pub(super) present: u64,
-    /// Coefficients that do not round to 0.
+    /// Coefficients that are not 0.
     pub(super) nonzero: u64,
 }
 
@@ -260,7 +247,7 @@ impl<S: Component, const C: usize> UnitCoefficients<S, C> {
     }
 
     /// Makes norms that compare as the coefficients do: squares of numerators, those of level 1 scaled so that one unit is
-    /// the same on both levels. What rounds to 0 is nothing, however finely it could be told from 0.
+    /// the same on both levels.
     pub(super) fn weigh(&mut self, norm: Norm) {
         // Level 1 counts in eighths, level 0 in sixty-fourths: squares differ by 64. A coefficient of level 0 reaches eight
         // times as many voxels, which leaves 8 where the error that it causes is asked for.
@@ -271,26 +258,25 @@ impl<S: Component, const C: usize> UnitCoefficients<S, C> {
         for row in self.live_rows() {
             let numerators = &self.numerators[row];
             for (r, keys) in self.keys[row].iter_mut().enumerate() {
-                let (weight, half) = if r < LEVEL_0 { (1, 32) } else { (level_1, 4) };
+                let weight = if r < LEVEL_0 { 1 } else { level_1 };
                 *keys = std::array::from_fn(|k| {
-                    let square = (1..C).fold(S::square(numerators[0][r][k], weight), |sum, c| {
+                    (1..C).fold(S::square(numerators[0][r][k], weight), |sum, c| {
                         sum + S::square(numerators[c][r][k], weight)
-                    });
-                    let nothing = numerators.iter().all(|of| of[r][k].rounds_to_0(half));
-                    if nothing { S::Key::default() } else { square }
+                    })
                 });
             }
         }
     }
 }
 
-/// Coefficients of a row of cells that do not round to 0, by level and lane.
+/// Coefficients of a row of cells that are not 0, by level and lane.
 fn count<N: Number, const C: usize>(numerators: &[[Lanes<N>; ROWS]; C]) -> [Lanes<u8>; 2] {
+    let zero = N::default();
     let mut counts = [[0; LANES]; 2];
     for r in 0..ROWS {
-        let (counts, half) = if r < LEVEL_0 { (&mut counts[0], 32) } else { (&mut counts[1], 4) };
+        let counts = &mut counts[usize::from(r >= LEVEL_0)];
         for (k, count) in counts.iter_mut().enumerate() {
-            *count += u8::from(numerators.iter().fold(false, |any, of| any | !of[r][k].rounds_to_0(half)));
+            *count += u8::from(numerators.iter().fold(zero, |all, of| all | of[r][k]) != zero);
         }
     }
     counts
