@@ -8,6 +8,7 @@ pub mod geometry;
 pub mod grid;
 pub mod limits;
 pub mod supercompression;
+pub mod time;
 pub mod voxel;
 
 pub mod haar;

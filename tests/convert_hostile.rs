@@ -16,6 +16,7 @@ fn swallow(path: &Path) -> vug::Result<()> {
         dtype: None,
         raw_dtype: "u16".parse().ok(),
         max_bytes: 1 << 20,
+        ..ImportOptions::default()
     };
     let mut found = import(path, &options)?;
     let extent = found.reader.extent();

@@ -13,6 +13,7 @@ const LAYERS: &[(&str, u8)] = &[
     ("grid", 0),
     ("checksum", 0),
     ("supercompression", 0),
+    ("time", 0),
     ("haar", 1),
     ("quantise", 1),
     ("codec", 2),

@@ -11,7 +11,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use vug::codec::Codec;
 use vug::codec::s3dc::{Endpoints, Params};
-use vug::container::{CodecEntry, FileWriter, FinishOptions, Node, NodeFlags, VolumeDescriptor};
+use vug::container::{BrickSink, CodecEntry, FileWriter, FinishOptions, Node, NodeFlags, VolumeDescriptor};
 use vug::limits::Limits;
 use vug::source::FileSource;
 use vug::volume::{At, Cost, Volume};
@@ -133,6 +133,7 @@ fn write_100_gb(path: &Path) -> u64 {
         sample_type: SampleType::U8,
         lod_count: 1,
         brick_log2: 6,
+        downsample: Default::default(),
         codecs: vec![CodecEntry { id, stream_version, params }],
         placement: Default::default(),
         null_value: [0; 4],

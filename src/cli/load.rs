@@ -1,13 +1,14 @@
 //! Any readable file as a grid: `.vug` by its first bytes, everything else by its name.
 
 use super::args;
+use super::open::open_volume;
 use crate::affine::Placement;
 use crate::container::MAGIC;
 use crate::convert::{self, Format, ImportOptions, Stored};
 use crate::error::{Error, Result};
 use crate::geometry::Extent;
 use crate::grid::Grid;
-use crate::volume::{At, Axis, Volume};
+use crate::volume::{At, Axis};
 use std::io::Read;
 use std::path::Path;
 
@@ -69,7 +70,7 @@ pub(super) fn import_options(path: &Path, import: &args::Import) -> Result<Impor
 /// Reads a whole volume.
 pub(super) fn load(path: &Path, import: &args::Import) -> Result<Loaded> {
     if is_vug(path)? {
-        let volume = Volume::open_path(path)?;
+        let volume = open_volume(path)?;
         let placement = volume.info().placement.clone();
         return Ok(Loaded { grid: volume.read(At::default())?, placement });
     }
@@ -98,7 +99,7 @@ pub(super) fn load_plane(
 ) -> Result<(LoadedPlane, u32)> {
     let middle = |extent: Extent| index.unwrap_or(extent.to_array()[axis as usize] / 2);
     if is_vug(path)? {
-        let volume = Volume::open_path(path)?;
+        let volume = open_volume(path)?;
         let info = volume.info();
         let levels = volume.levels().len();
         let Some(extent) = volume.levels().nth(usize::from(lod)) else {

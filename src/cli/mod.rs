@@ -3,6 +3,7 @@
 mod args;
 mod cmd;
 mod load;
+mod open;
 mod output;
 mod phantom;
 mod picture;

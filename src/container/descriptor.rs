@@ -41,6 +41,37 @@ impl CodecEntry {
     }
 }
 
+/// How the voxels of a level are made of those of level 0 (spec: VOL-12).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+#[repr(u8)]
+pub enum Downsample {
+    /// The mean of the voxels that a coarse one covers.
+    #[default]
+    Mean = 1,
+    /// The smallest of them.
+    Min = 2,
+    /// The largest of them.
+    Max = 3,
+    /// The one in their middle: for labels, of which no mean may be taken.
+    Nearest = 4,
+}
+
+impl Downsample {
+    /// All operators.
+    pub const ALL: [Downsample; 4] = [Downsample::Mean, Downsample::Min, Downsample::Max, Downsample::Nearest];
+
+    /// The name used on the command line and in JSON.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Downsample::Mean => "mean",
+            Downsample::Min => "min",
+            Downsample::Max => "max",
+            Downsample::Nearest => "nearest",
+        }
+    }
+}
+
 /// What the writer measured: |decoded − source| at level 0, over all trees.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Achieved {
@@ -67,6 +98,8 @@ pub struct VolumeDescriptor {
     pub lod_count: u8,
     /// Brick edge as log2.
     pub brick_log2: u8,
+    /// How coarser levels were made; without meaning where there is one level.
+    pub downsample: Downsample,
     /// Codecs that stored bricks refer to.
     pub codecs: Vec<CodecEntry>,
     /// Where the voxels lie in the world.
@@ -150,7 +183,7 @@ impl VolumeDescriptor {
             space: self.placement.space as u8,
             unit: self.placement.unit as u8,
             flags: flags.into_iter().filter(|f| f.0).fold(0, |all, f| all | f.1),
-            downsample: self.downsample(),
+            downsample: if self.lod_count > 1 { self.downsample as u8 } else { 0 },
             rounding: 0,
             reserved_a: [0; 3],
             null_value: self.null_value,
@@ -197,11 +230,6 @@ impl VolumeDescriptor {
     #[must_use]
     pub fn trees(&self) -> u32 {
         self.time_steps.saturating_mul(self.channels)
-    }
-
-    /// 0: one level; 1: levels are means of level 0 (spec: VOL-12).
-    fn downsample(&self) -> u8 {
-        u8::from(self.lod_count > 1)
     }
 
     /// The lowest resource level whose limits the volume keeps (spec: VAL-5).
@@ -297,9 +325,12 @@ impl Wire {
         if self.flags & !(SPACING_UNKNOWN | ACHIEVED_KNOWN) != 0 {
             return Err(place(Error::new(Code::Reserved, "flags", "reserved flag bits are set"), at));
         }
-        if self.downsample != u8::from(self.lod_count > 1) {
-            return Err(param("downsample", self.downsample));
-        }
+        let known = Downsample::ALL.into_iter().find(|d| *d as u8 == self.downsample);
+        let downsample = match known {
+            Some(operator) if self.lod_count > 1 => operator,
+            None if self.lod_count <= 1 && self.downsample == 0 => Downsample::default(),
+            _ => return Err(param("downsample", self.downsample)),
+        };
         if self.rounding != 0 {
             return Err(param("rounding", self.rounding));
         }
@@ -317,6 +348,7 @@ impl Wire {
             sample_type,
             lod_count: self.lod_count,
             brick_log2: self.brick_log2,
+            downsample,
             codecs,
             placement: Placement {
                 matrix: self.affine,

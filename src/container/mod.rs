@@ -26,6 +26,7 @@ mod octree;
 mod parse;
 mod rewrite;
 mod section;
+mod sink;
 mod store;
 pub mod strict;
 mod superblock;
@@ -33,7 +34,7 @@ mod table;
 mod wire;
 mod write;
 
-pub use descriptor::{Achieved, CODEC_RAW, CODEC_S3DC, CodecEntry, VolumeDescriptor};
+pub use descriptor::{Achieved, CODEC_RAW, CODEC_S3DC, CodecEntry, Downsample, VolumeDescriptor};
 pub use descriptor::{CODEC_BYTES as CODEC_ENTRY_BYTES, FIXED_BYTES as DESCRIPTOR_BYTES};
 pub use directory::{CHUNK_PAGES, ChunkRef, PAGE_NODES, PageEntry, parse_chunk, parse_page};
 pub use features::{FeatureName, OPTIONAL_NAN_REPLACED, REQUIRED_ZSTD};
@@ -44,6 +45,7 @@ pub use octree::{Level, Octree};
 pub use parse::{Head, HeadParser, Step};
 pub use rewrite::rewrite;
 pub use section::{ExtraSection, FourCc, SectionEntry, SectionFlags};
+pub use sink::BrickSink;
 pub use superblock::{FileLayout, MAGIC, SUPERBLOCK_BYTES, Superblock};
 pub use write::{FileSummary, FileWriter, FinishOptions};
 

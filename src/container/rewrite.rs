@@ -5,7 +5,7 @@ use super::directory::write_refs;
 use super::features::KNOWN_READ_OPTIONAL;
 use super::section::SectionFlags;
 use super::strict::{Read, Strict};
-use super::{FileSummary, FileWriter, FinishOptions, NodeKind};
+use super::{BrickSink, FileSummary, FileWriter, FinishOptions, NodeKind};
 use crate::error::{Code, Error, Result};
 use crate::geometry::unmorton8;
 use crate::limits::Limits;
@@ -54,6 +54,7 @@ pub fn rewrite<W: Write + Seek>(len: u64, limits: &Limits, read: &mut Read<'_>, 
     let derived = content_id(&head.descriptor.write_to(), &write_refs(&head.directory), books);
     let options = FinishOptions {
         meta: None,
+        times: None,
         file_id: (derived != head.superblock.file_id).then_some(head.superblock.file_id),
         optional: head.superblock.optional,
         feature_names: head.feature_names.clone(),

@@ -5,11 +5,12 @@ use super::layout::{COMPACT_BYTES, payload_start};
 use super::leader::{LEADER_BYTES, Leader};
 use super::store::NodeStore;
 use super::superblock::Superblock;
-use super::{ExtraSection, FeatureName, GUARD_BYTES, Node, NodeFlags, NodeKind, Octree, VolumeDescriptor};
+use super::{BrickSink, ExtraSection, FeatureName, GUARD_BYTES, Node, NodeFlags, NodeKind, Octree, VolumeDescriptor};
 use crate::checksum::crc32;
 use crate::error::{Code, Error, Result};
 use crate::geometry::Coord;
 use crate::limits::{self, HEAD_BYTES};
+use crate::time::Times;
 use std::io::{BufWriter, Seek, SeekFrom, Write};
 
 /// What a file says besides its volume.
@@ -17,6 +18,8 @@ use std::io::{BufWriter, Seek, SeekFrom, Write};
 pub struct FinishOptions {
     /// Text of the `META` section: one JSON object.
     pub meta: Option<Vec<u8>>,
+    /// The time of each step: the `TIME` section.
+    pub times: Option<Times>,
     /// The file id, where it is not to follow from the content.
     pub file_id: Option<[u8; 16]>,
     /// Optional feature bits besides `NAN_REPLACED`, which the writer sets itself.
@@ -90,98 +93,6 @@ impl<W: Write + Seek> FileWriter<W> {
         })
     }
 
-    /// The octree that bricks are put into.
-    #[must_use]
-    pub fn octree(&self) -> &Octree {
-        &self.octree
-    }
-
-    /// Adds a STORED brick. `node` gives codec, flags and the brick's own bounds ([`Node::new_stored`]); the writer
-    /// fills in offset, length and CRC.
-    ///
-    /// # Errors
-    /// `E_RANGE`, `E_DUP`, `E_REF` (codec), `E_PARAM`, `E_LIMIT` (64 MiB), `E_NONFINITE`, `E_MINMAX_ORDER`, `E_SOURCE`.
-    pub fn put_stored(&mut self, tree: u32, level: u8, brick: Coord, node: &Node, payload: &[u8]) -> Result<()> {
-        limits::check("brick.payload", payload.len() as u64, limits::MAX_BRICK_BYTES)?;
-        let Some(codec) = self.descriptor.codecs.get(usize::from(node.codec)) else {
-            return Err(Error::new(Code::Ref, "node.codec", format!("entry {} is not in the codec table", node.codec)));
-        };
-        let align_log2 = codec.payload_align_log2(node.flags.contains(NodeFlags::ZSTD));
-        let stored_len = u32::try_from(payload.len()).expect("at most 64 MiB");
-        let mut node = Node { offset: 0, child_mask: 0, stored_len, crc: crc32(payload), ..*node };
-        self.check_node(&node, NodeKind::Stored)?;
-        if self.stored_bytes + payload.len() as u64 > COMPACT_BYTES {
-            self.start_streaming()?;
-        }
-        if self.buffer.is_none() {
-            node.offset = payload_start(self.cursor, align_log2);
-        }
-        let (ordinal, slot) = self.nodes.put(&self.octree, tree, level, brick, node)?;
-        self.order.push(Placed { ordinal, slot, tree, level, brick });
-        self.stored_bytes += payload.len() as u64;
-        match &mut self.buffer {
-            Some(buffer) => buffer.extend_from_slice(payload),
-            // The leader needs the file id, which follows from the index: it is written last.
-            None => self.cursor = write_brick(&mut self.out, self.cursor, node.offset, &[0; LEADER_BYTES], payload)?,
-        }
-        Ok(())
-    }
-
-    /// Adds a CONSTANT brick ([`Node::new_constant`]). Bricks that are never added are EMPTY.
-    ///
-    /// # Errors
-    /// `E_RANGE`, `E_DUP`, `E_PARAM`, `E_CANON`, `E_NONFINITE`.
-    pub fn put_constant(&mut self, tree: u32, level: u8, brick: Coord, node: &Node) -> Result<()> {
-        let node = Node { child_mask: 0, ..*node };
-        self.check_node(&node, NodeKind::Constant)?;
-        self.nodes.put(&self.octree, tree, level, brick, node).map(|_| ())
-    }
-
-    /// Writes all tables and returns what `out` has become. `descriptor` may say more than the one given first (what was
-    /// achieved, ranges, placement), but octree, sample type and codecs must be the same.
-    ///
-    /// # Errors
-    /// Those of [`VolumeDescriptor::check`]; `E_PARAM` where the descriptor has another octree; `E_UTF8`, `E_DUP`,
-    /// `E_LIMIT` for metadata; `E_SOURCE`.
-    pub fn finish(mut self, descriptor: &VolumeDescriptor, options: FinishOptions) -> Result<(W, FileSummary)> {
-        let d = &self.descriptor;
-        if Octree::new(descriptor)? != self.octree
-            || (descriptor.sample_type, &descriptor.codecs) != (d.sample_type, &d.codecs)
-        {
-            return Err(Error::param(
-                "descriptor",
-                "octree, sample type and codecs must be those the file was begun with",
-            ));
-        }
-        self.nodes.join(&self.octree, descriptor.null_sample());
-        let tables = Tables::new(Superblock::new(), &self.nodes, &self.order, descriptor, options)?;
-        let plan = tables.plan_head();
-        let mut end = self.cursor;
-        if self.buffer.is_some() {
-            end = plan.bricks;
-            for placed in &self.order {
-                let node = &mut self.nodes.page_mut(placed.ordinal)[placed.slot];
-                let codec = &descriptor.codecs[usize::from(node.codec)];
-                node.offset = payload_start(end, codec.payload_align_log2(node.flags.contains(NodeFlags::ZSTD)));
-                end = node.offset + u64::from(node.stored_len) + GUARD_BYTES;
-            }
-        }
-        let file = tables.assemble(&self.nodes, &plan, end)?;
-        self.write_all(&file)?;
-        let counts = self.nodes.counts();
-        let summary = FileSummary {
-            len: file.len,
-            file_id: file.file_id,
-            stored: counts.stored,
-            constant: counts.constant,
-            empty: self.octree.brick_count().saturating_sub(counts.stored).saturating_sub(counts.constant),
-            pages: self.nodes.pages.len() as u64,
-            stored_bytes: self.stored_bytes,
-        };
-        let out = self.out.into_inner().map_err(|e| Error::io("writing", e.into_error()))?;
-        Ok((out, summary))
-    }
-
     fn check_node(&self, node: &Node, kind: NodeKind) -> Result<()> {
         if node.kind != kind {
             return Err(Error::param("node.kind", format!("{:?} given, {kind:?} wanted", node.kind)));
@@ -238,6 +149,85 @@ impl<W: Write + Seek> FileWriter<W> {
             }
         }
         self.out.flush().map_err(io)
+    }
+}
+
+impl<W: Write + Seek> BrickSink for FileWriter<W> {
+    type Out = W;
+
+    fn octree(&self) -> &Octree {
+        &self.octree
+    }
+
+    fn put_stored(&mut self, tree: u32, level: u8, brick: Coord, node: &Node, payload: &[u8]) -> Result<()> {
+        limits::check("brick.payload", payload.len() as u64, limits::MAX_BRICK_BYTES)?;
+        let Some(codec) = self.descriptor.codecs.get(usize::from(node.codec)) else {
+            return Err(Error::new(Code::Ref, "node.codec", format!("entry {} is not in the codec table", node.codec)));
+        };
+        let align_log2 = codec.payload_align_log2(node.flags.contains(NodeFlags::ZSTD));
+        let stored_len = u32::try_from(payload.len()).expect("at most 64 MiB");
+        let mut node = Node { offset: 0, child_mask: 0, stored_len, crc: crc32(payload), ..*node };
+        self.check_node(&node, NodeKind::Stored)?;
+        if self.stored_bytes + payload.len() as u64 > COMPACT_BYTES {
+            self.start_streaming()?;
+        }
+        if self.buffer.is_none() {
+            node.offset = payload_start(self.cursor, align_log2);
+        }
+        let (ordinal, slot) = self.nodes.put(&self.octree, tree, level, brick, node)?;
+        self.order.push(Placed { ordinal, slot, tree, level, brick });
+        self.stored_bytes += payload.len() as u64;
+        match &mut self.buffer {
+            Some(buffer) => buffer.extend_from_slice(payload),
+            // The leader needs the file id, which follows from the index: it is written last.
+            None => self.cursor = write_brick(&mut self.out, self.cursor, node.offset, &[0; LEADER_BYTES], payload)?,
+        }
+        Ok(())
+    }
+
+    fn put_constant(&mut self, tree: u32, level: u8, brick: Coord, node: &Node) -> Result<()> {
+        let node = Node { child_mask: 0, ..*node };
+        self.check_node(&node, NodeKind::Constant)?;
+        self.nodes.put(&self.octree, tree, level, brick, node).map(|_| ())
+    }
+
+    fn finish(mut self, descriptor: &VolumeDescriptor, options: FinishOptions) -> Result<(W, FileSummary)> {
+        let d = &self.descriptor;
+        if Octree::new(descriptor)? != self.octree
+            || (descriptor.sample_type, &descriptor.codecs) != (d.sample_type, &d.codecs)
+        {
+            return Err(Error::param(
+                "descriptor",
+                "octree, sample type and codecs must be those the file was begun with",
+            ));
+        }
+        self.nodes.join(&self.octree, descriptor.null_sample());
+        let tables = Tables::new(Superblock::new(), &self.nodes, &self.order, descriptor, options)?;
+        let plan = tables.plan_head();
+        let mut end = self.cursor;
+        if self.buffer.is_some() {
+            end = plan.bricks;
+            for placed in &self.order {
+                let node = &mut self.nodes.page_mut(placed.ordinal)[placed.slot];
+                let codec = &descriptor.codecs[usize::from(node.codec)];
+                node.offset = payload_start(end, codec.payload_align_log2(node.flags.contains(NodeFlags::ZSTD)));
+                end = node.offset + u64::from(node.stored_len) + GUARD_BYTES;
+            }
+        }
+        let file = tables.assemble(&self.nodes, &plan, end)?;
+        self.write_all(&file)?;
+        let counts = self.nodes.counts();
+        let summary = FileSummary {
+            len: file.len,
+            file_id: file.file_id,
+            stored: counts.stored,
+            constant: counts.constant,
+            empty: self.octree.brick_count().saturating_sub(counts.stored).saturating_sub(counts.constant),
+            pages: self.nodes.pages.len() as u64,
+            stored_bytes: self.stored_bytes,
+        };
+        let out = self.out.into_inner().map_err(|e| Error::io("writing", e.into_error()))?;
+        Ok((out, summary))
     }
 }
 

@@ -23,8 +23,9 @@ use crate::affine::{Placement, ValueMap};
 use crate::error::Result;
 use crate::geometry::Extent;
 use crate::grid::SlabReader;
+use crate::time::Times;
 use crate::voxel::SampleType;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// A foreign file format.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -91,11 +92,22 @@ pub struct ImportOptions {
     pub raw_dtype: Option<Stored>,
     /// Most bytes that a packed file, or a slice of a stack, may unpack to.
     pub max_bytes: u64,
+    /// Bytes of samples that may be held in memory; a packed file that unpacks to more goes to a temporary file.
+    pub memory: u64,
+    /// Where temporary files go; `None`: the system's folder for them. They have no name and vanish with the process.
+    pub temp_dir: Option<PathBuf>,
 }
 
 impl Default for ImportOptions {
     fn default() -> Self {
-        ImportOptions { shape: None, dtype: None, raw_dtype: None, max_bytes: 64 << 30 }
+        ImportOptions {
+            shape: None,
+            dtype: None,
+            raw_dtype: None,
+            max_bytes: 64 << 30,
+            memory: 1 << 30,
+            temp_dir: None,
+        }
     }
 }
 
@@ -105,6 +117,10 @@ pub struct Import {
     pub reader: Box<dyn SlabReader>,
     /// Where it lies in the world.
     pub placement: Placement,
+    /// When the time steps of a series were taken, where the file says.
+    pub times: Option<Times>,
+    /// Whether the file says that its numbers are labels, of which no mean may be taken.
+    pub labels: bool,
     /// What its numbers mean. The samples are as stored: nothing has been applied.
     pub value_map: ValueMap,
     /// An object with `format`, the header's free text (which can name patients), and what [`export`] needs to put the

@@ -61,6 +61,8 @@ pub(super) fn import(path: &Path, options: &ImportOptions) -> Result<Import> {
     let payload = Payload { bytes: Bytes::File { file, path: path.to_owned(), start }, stored, extent };
     let (reader, streamed) = payload.open(path, options.dtype)?;
     Ok(Import {
+        times: None,
+        labels: false,
         reader,
         placement: Placement::default(),
         value_map: ValueMap::default(),

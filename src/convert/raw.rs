@@ -30,6 +30,8 @@ pub(super) fn import(path: &Path, options: &ImportOptions) -> Result<Import> {
     let payload = Payload { bytes: Bytes::File { file, path: path.to_owned(), start: 0 }, stored, extent };
     let (reader, streamed) = payload.open(path, options.dtype)?;
     Ok(Import {
+        times: None,
+        labels: false,
         reader,
         placement: Placement::default(),
         value_map: ValueMap::default(),

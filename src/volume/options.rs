@@ -4,9 +4,12 @@ use super::selection::Selection;
 use crate::affine::{Placement, ValueMap};
 use crate::codec::s3dc::Endpoints;
 use crate::codec::zerobit;
+use crate::container::Downsample;
 use crate::error::{Error, Result};
 use crate::geometry::Extent;
 use crate::limits;
+use crate::time::Times;
+use std::path::PathBuf;
 
 /// Which codec stores the bricks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
@@ -120,8 +123,10 @@ pub struct EncodeOptions {
     pub brick: Option<u32>,
     /// Whether payloads are compressed with zstd where that makes them smaller.
     pub zstd: bool,
-    /// Levels of detail; level n halves the volume n times by averaging. 0: as many as it takes to fit one brick.
+    /// Levels of detail; level n halves the volume n times. 0: as many as it takes to fit one brick.
     pub levels: u8,
+    /// How the voxels of coarser levels are made.
+    pub downsample: Downsample,
     /// What to do with NaN and infinities.
     pub non_finite: NonFinite,
     /// Value of voxels that are not stored, per component; bricks full of it cost nothing.
@@ -132,8 +137,14 @@ pub struct EncodeOptions {
     pub value_map: ValueMap,
     /// Text for the `META` section: UTF-8 JSON.
     pub meta: Option<String>,
+    /// The time of each step of a series.
+    pub times: Option<Times>,
     /// File id instead of the one made from the content.
     pub file_id: Option<[u8; 16]>,
+    /// Bytes of memory that the encoder keeps within, as far as it can know; what does not fit goes to temporary files.
+    pub memory: u64,
+    /// Where temporary files go; `None`: the system's folder for them. They have no name and vanish with the process.
+    pub temp_dir: Option<PathBuf>,
 }
 
 impl Default for EncodeOptions {
@@ -147,12 +158,16 @@ impl Default for EncodeOptions {
             brick: None,
             zstd: true,
             levels: 1,
+            downsample: Downsample::Mean,
             non_finite: NonFinite::Reject,
             null_value: 0.0,
             placement: Placement::default(),
             value_map: ValueMap::default(),
             meta: None,
+            times: None,
             file_id: None,
+            memory: 1 << 30,
+            temp_dir: None,
         }
     }
 }

@@ -7,13 +7,14 @@ use super::zerobit;
 use crate::codec::Codec;
 use crate::codec::zerobit::Book;
 use crate::container::{
-    Achieved, CodecEntry, FileWriter, FinishOptions, NodeKind, Octree, VolumeDescriptor, check_meta,
+    Achieved, BrickSink, CodecEntry, FileWriter, FinishOptions, NodeKind, Octree, VolumeDescriptor, check_meta,
 };
 use crate::error::{Code, Error, Result};
 use crate::geometry::{Coord, Extent};
 use crate::grid::View;
 use crate::limits;
 use crate::metrics::psnr;
+use crate::time::Times;
 use crate::voxel::{SampleType, SampleValue};
 use std::io::{Seek, Write};
 
@@ -45,6 +46,7 @@ pub struct VolumeWriter<W: Write + Seek> {
     octree: Octree,
     encoder: BrickEncoder,
     meta: Option<String>,
+    times: Option<Times>,
     file_id: Option<[u8; 16]>,
     totals: Totals,
     books: Vec<Book>,
@@ -114,6 +116,9 @@ impl<W: Write + Seek> VolumeWriter<W> {
         shape.extent.check()?;
         codec.supports(shape.sample_type)?;
         options.placement.check()?;
+        if let Some(times) = &options.times {
+            times.check(shape.time_steps)?;
+        }
         let largest = shape.extent.min(Extent::cube(1 << brick_log2));
         let payload = *codec.payload_lens(shape.sample_type, largest).start();
         if payload > limits::MAX_BRICK_BYTES {
@@ -134,6 +139,7 @@ impl<W: Write + Seek> VolumeWriter<W> {
             sample_type: shape.sample_type,
             lod_count: options.lod_count(shape.extent, brick_log2)?,
             brick_log2,
+            downsample: options.downsample,
             codecs: vec![CodecEntry { id, stream_version, params }],
             placement: options.placement.clone(),
             null_value: VolumeDescriptor::null_field(null),
@@ -152,6 +158,7 @@ impl<W: Write + Seek> VolumeWriter<W> {
             octree,
             encoder,
             meta: options.meta.clone(),
+            times: options.times.clone(),
             file_id: options.file_id,
             totals: Totals::default(),
             books: Vec::new(),
@@ -271,6 +278,7 @@ impl<W: Write + Seek> VolumeWriter<W> {
         let finish = FinishOptions {
             codebooks: (codebooks > 0).then_some((section, codebooks)),
             meta: self.meta.map(String::into_bytes),
+            times: self.times,
             file_id: self.file_id,
             ..FinishOptions::default()
         };

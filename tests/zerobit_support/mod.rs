@@ -7,7 +7,7 @@ use std::sync::Arc;
 use vug::codec::Codec;
 use vug::codec::zerobit::bits::Popcount;
 use vug::codec::zerobit::{Book, Coefficients, Layout, Params, Stream, Word, Zerobit, unit};
-use vug::container::{CodecEntry, FileWriter, FinishOptions, Node, NodeFlags, VolumeDescriptor};
+use vug::container::{BrickSink, CodecEntry, FileWriter, FinishOptions, Node, NodeFlags, VolumeDescriptor};
 use vug::geometry::{Extent, Region};
 use vug::grid::{Grid, ViewMut};
 use vug::metrics::value_range;
@@ -260,6 +260,7 @@ pub fn descriptor(dims: Extent, brick_log2: u8, t: SampleType, codec: &Codec) ->
         sample_type: t,
         lod_count: 1,
         brick_log2,
+        downsample: Default::default(),
         codecs: vec![CodecEntry { id, stream_version, params }],
         placement: vug::affine::Placement::from_spacing([1.0; 3], [0.0; 3]),
         null_value: VolumeDescriptor::null_field(null(t)),

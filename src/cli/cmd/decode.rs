@@ -2,13 +2,14 @@
 
 use crate::affine::Placement;
 use crate::cli::args::Decode;
+use crate::cli::open::open_source;
 use crate::cli::output::{Verdict, error_json, progress};
 use crate::convert::{ExportInfo, Target};
 use crate::error::{Error, Result};
 use crate::geometry::{Coord, Extent, Region};
 use crate::grid::{Grid, dense_len};
 use crate::limits::{self, Limits};
-use crate::source::{AtomicFile, FileSource};
+use crate::source::AtomicFile;
 use crate::volume::{At, LostBrick, Volume};
 use rayon::prelude::*;
 use serde_json::{Value, json};
@@ -17,7 +18,7 @@ use std::io::BufWriter;
 use std::path::PathBuf;
 
 pub(super) fn run(args: &Decode) -> Result<Verdict> {
-    let source = FileSource::open(&args.source)?;
+    let source = open_source(&args.source)?;
     let volume = if args.salvage {
         Volume::open_salvage(source, Limits::default())?
     } else {

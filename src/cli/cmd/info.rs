@@ -2,6 +2,7 @@
 
 use super::codec_stats;
 use crate::cli::args::Info;
+use crate::cli::open::open_volume;
 use crate::cli::output::{Verdict, bytes_text, number};
 use crate::codec::{Codec, s3dc};
 use crate::error::Result;
@@ -10,7 +11,7 @@ use crate::volume::{BrickCounts, Volume};
 use serde_json::{Value, json};
 
 pub(super) fn run(args: &Info) -> Result<Verdict> {
-    let volume = Volume::open_path(&args.file)?;
+    let volume = open_volume(&args.file)?;
     let bricks = volume.brick_counts()?;
     let mut json = describe(&volume, &bricks)?;
     if args.codec_stats {

@@ -1,15 +1,15 @@
 //! `vug verify`: every byte against the spec.
 
 use crate::cli::args::Verify;
+use crate::cli::open::open_source;
 use crate::cli::output::{Verdict, error_json, progress};
 use crate::error::Result;
 use crate::limits::Limits;
-use crate::source::FileSource;
 use crate::volume::verify;
 use serde_json::{Value, json};
 
 pub(super) fn run(args: &Verify) -> Result<Verdict> {
-    let source = FileSource::open(&args.file)?;
+    let source = open_source(&args.file)?;
     let bar = progress(args.common.quiet || args.common.json, "verifying");
     let report = verify(&source, &Limits::default(), &mut |done, total| {
         bar.set_length(total);

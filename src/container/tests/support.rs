@@ -36,6 +36,7 @@ pub(super) fn descriptor(dims: [u32; 3], lod_count: u8) -> VolumeDescriptor {
         sample_type: SampleType::U8,
         lod_count,
         brick_log2: 4,
+        downsample: Downsample::default(),
         codecs: vec![entry(CODEC_RAW), entry(CODEC_S3DC)],
         placement: Placement::from_spacing([0.5, 0.5, 2.0], [1.0, -2.0, 3.0]),
         null_value: [7, 0, 0, 0],

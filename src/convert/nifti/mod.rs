@@ -58,7 +58,16 @@ pub(super) fn import(path: &Path, options: &ImportOptions) -> Result<Import> {
         Bytes::File { file, path: data_path.to_owned(), start }
     };
     let (reader, streamed) = Payload { bytes, stored, extent }.open(data_path, options.dtype)?;
-    Ok(Import { reader, placement, value_map, header: kept::to_json(&header), format: Format::Nifti, streamed })
+    Ok(Import {
+        reader,
+        placement,
+        times: None,
+        labels: false,
+        value_map,
+        header: kept::to_json(&header),
+        format: Format::Nifti,
+        streamed,
+    })
 }
 
 /// The files that hold header and data; the second is `None` where one file holds both.

@@ -52,7 +52,16 @@ pub(super) fn import(path: &Path, options: &ImportOptions) -> Result<Import> {
     let value_map = value_map(path, &header)?;
     let payload = data::locate(path, &header, &axes, len, options.max_bytes)?;
     let (reader, streamed) = payload.open(path, options.dtype)?;
-    Ok(Import { reader, placement, value_map, header: kept(&header), format: Format::Nrrd, streamed })
+    Ok(Import {
+        reader,
+        placement,
+        times: None,
+        labels: false,
+        value_map,
+        header: kept(&header),
+        format: Format::Nrrd,
+        streamed,
+    })
 }
 
 fn value_map(path: &Path, header: &Header) -> Result<ValueMap> {

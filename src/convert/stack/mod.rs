@@ -69,6 +69,8 @@ pub(super) fn import(path: &Path, options: &ImportOptions) -> Result<Import> {
     let bytes = Bytes::Stack(Box::new(Stack { slices, header, plane, kept: None }));
     let (reader, streamed) = Payload { bytes, stored, extent }.open(path, options.dtype)?;
     Ok(Import {
+        times: None,
+        labels: false,
         reader,
         placement: Placement::default(),
         value_map: ValueMap::default(),

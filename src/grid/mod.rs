@@ -6,6 +6,9 @@ use crate::voxel::{Sample, SampleType, SampleValue};
 use crate::with_sample;
 use std::ops::Range;
 
+mod slab;
+pub use slab::SlabReader;
+
 /// One cache line: the unit of allocation, so that rows of 64 voxels can be stored whole.
 #[derive(Clone, Copy)]
 #[repr(C, align(64))]
@@ -346,44 +349,8 @@ impl<'a> ViewMut<'a> {
     }
 }
 
-/// A volume that delivers whole z-slabs, so that an encoder needs no more memory than one slab of bricks.
-///
-/// Slabs may be asked for in any order and more than once.
-pub trait SlabReader: Send {
-    /// Voxels per axis.
-    fn extent(&self) -> Extent;
-    /// Type of a voxel.
-    fn sample_type(&self) -> SampleType;
-    /// Fills `out` with planes `z` (dense, x fastest, machine byte order).
-    ///
-    /// # Errors
-    /// `E_SOURCE`, `E_FOREIGN` where the source cannot deliver them.
-    fn read_slab(&mut self, z: Range<u32>, out: &mut [u8]) -> Result<()>;
-    /// The whole volume where it lies in memory already: saves the copy.
-    fn as_view(&self) -> Option<View<'_>> {
-        None
-    }
-}
-
 impl std::fmt::Debug for Grid {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "Grid({} {})", self.extent, self.sample_type)
-    }
-}
-
-impl SlabReader for Grid {
-    fn extent(&self) -> Extent {
-        self.extent
-    }
-    fn sample_type(&self) -> SampleType {
-        self.sample_type
-    }
-    fn read_slab(&mut self, z: Range<u32>, out: &mut [u8]) -> Result<()> {
-        let plane = dense_pitch(self.extent, self.sample_type).1;
-        out.copy_from_slice(&self.bytes()[z.start as usize * plane..z.end as usize * plane]);
-        Ok(())
-    }
-    fn as_view(&self) -> Option<View<'_>> {
-        Some(self.view())
     }
 }

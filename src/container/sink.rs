@@ -1,0 +1,44 @@
+//! What takes bricks: a head file or a log.
+
+use super::{FileSummary, FinishOptions, Node, Octree, VolumeDescriptor};
+use crate::error::Result;
+use crate::geometry::Coord;
+
+/// A file that is being written brick by brick, in whatever layout.
+pub trait BrickSink {
+    /// What is left when the file is complete.
+    type Out;
+
+    /// The octree that bricks are put into.
+    fn octree(&self) -> &Octree;
+
+    /// Adds a STORED brick. `node` gives codec, flags and the brick's own bounds ([`Node::new_stored`]); the sink fills in
+    /// offset, length and CRC.
+    ///
+    /// # Errors
+    /// `E_RANGE`, `E_DUP`, `E_REF` (codec), `E_PARAM`, `E_LIMIT` (64 MiB), `E_NONFINITE`, `E_MINMAX_ORDER`, `E_SOURCE`.
+    fn put_stored(&mut self, tree: u32, level: u8, brick: Coord, node: &Node, payload: &[u8]) -> Result<()>;
+
+    /// Adds a CONSTANT brick ([`Node::new_constant`]). Bricks that are never added are EMPTY.
+    ///
+    /// # Errors
+    /// `E_RANGE`, `E_DUP`, `E_PARAM`, `E_CANON`, `E_NONFINITE`.
+    fn put_constant(&mut self, tree: u32, level: u8, brick: Coord, node: &Node) -> Result<()>;
+
+    /// Makes all that was put so far readable, where the layout can. A head file cannot: it appears whole.
+    ///
+    /// # Errors
+    /// As [`BrickSink::finish`].
+    fn checkpoint(&mut self, descriptor: &VolumeDescriptor, options: &FinishOptions) -> Result<()> {
+        let _ = (descriptor, options);
+        Ok(())
+    }
+
+    /// Writes what is left to write. `descriptor` may say more than the one given first (what was achieved, ranges,
+    /// placement), but octree, sample type and codecs must be the same.
+    ///
+    /// # Errors
+    /// Those of [`VolumeDescriptor::check`]; `E_PARAM` where the descriptor has another octree; `E_UTF8`, `E_DUP`,
+    /// `E_LIMIT` for metadata; `E_SOURCE`.
+    fn finish(self, descriptor: &VolumeDescriptor, options: FinishOptions) -> Result<(Self::Out, FileSummary)>;
+}
