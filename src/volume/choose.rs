@@ -3,13 +3,12 @@
 use super::brick_encoder::{BrickEncoder, BrickStats};
 use super::choose_keep::{Found, choose_keep, trial};
 use super::options::{Bound, CodecChoice, EncodeOptions, Quality};
-use super::slabs::for_each_brick;
+use super::slabs::{Source, Walk};
 use crate::codec::{Codec, s3dc};
 use crate::error::{Error, Result};
 use crate::geometry::Extent;
-use crate::grid::SlabReader;
 use crate::metrics::psnr;
-use crate::voxel::{SampleType, SampleValue};
+use crate::voxel::SampleType;
 
 /// Index bits that are tried, fewest first.
 const INDEX_BITS: [u8; 4] = [1, 2, 4, 8];
@@ -30,12 +29,11 @@ pub(super) struct Choice {
 /// # Errors
 /// `E_PARAM` for impossible settings, or a bound that S3Dc cannot meet where nothing else is allowed.
 pub(super) fn choose(
-    reader: &mut dyn SlabReader,
+    source: &mut Source<'_>,
     options: &EncodeOptions,
-    null: SampleValue,
     progress: &mut dyn FnMut(u64),
 ) -> Result<Choice> {
-    let t = reader.sample_type();
+    let t = source.sample_type();
     let raw = |notes| Ok(Choice { codec: Codec::Raw, brick_log2: options.brick_log2(Extent::cube(1))?, notes });
     if options.codec == CodecChoice::Raw {
         return match options.quality {
@@ -51,8 +49,8 @@ pub(super) fn choose(
         return raw(vec!["rgb8 is stored as raw unless zerobit, a bound or a rate is asked for".into()]);
     }
     if options.codec == CodecChoice::Zerobit || (t == SampleType::Rgb8 && auto) {
-        return match choose_keep(reader, options, null, progress)? {
-            Found::Choice(choice) if auto => lighter(reader, options, *choice, null, progress),
+        return match choose_keep(source, options, progress)? {
+            Found::Choice(choice) if auto => lighter(source, options, *choice, progress),
             Found::Choice(choice) => Ok(*choice),
             Found::Missed(best) if auto => raw(vec![format!(
                 "zerobit cannot reach {}{best}: stored without loss as raw",
@@ -79,7 +77,7 @@ pub(super) fn choose(
             let params = s3dc::Params::new(index_bits, block, options.endpoints)?;
             Choice { codec: Codec::S3dc(params), brick_log2: options.brick_log2(block)?, notes: Vec::new() }
         }
-        quality => match search(reader, options, quality, null, progress)? {
+        quality => match search(source, options, quality, progress)? {
             Some(choice) => choice,
             None if options.codec == CodecChoice::Auto => {
                 return raw(vec![format!("s3dc cannot reach {}: stored without loss as raw", describe(quality))]);
@@ -92,18 +90,17 @@ pub(super) fn choose(
             }
         },
     };
-    if auto { lighter(reader, options, choice, null, progress) } else { Ok(choice) }
+    if auto { lighter(source, options, choice, progress) } else { Ok(choice) }
 }
 
 /// The choice, or `raw` where that is no larger.
 fn lighter(
-    reader: &mut dyn SlabReader,
+    source: &mut Source<'_>,
     options: &EncodeOptions,
     choice: Choice,
-    null: SampleValue,
     progress: &mut dyn FnMut(u64),
 ) -> Result<Choice> {
-    let weighed = weigh(reader, options, &choice, null, progress)?;
+    let weighed = weigh(source, options, &choice, progress)?;
     if weighed.lossless > weighed.stored {
         return Ok(choice);
     }
@@ -118,25 +115,24 @@ fn lighter(
 
 /// Stored bytes of a choice and of its lossless rival.
 fn weigh(
-    reader: &mut dyn SlabReader,
+    source: &mut Source<'_>,
     options: &EncodeOptions,
     choice: &Choice,
-    null: SampleValue,
     progress: &mut dyn FnMut(u64),
 ) -> Result<BrickStats> {
     let encoder = BrickEncoder {
         codec: choice.codec.clone(),
         zstd: options.zstd,
         non_finite: options.non_finite,
-        null,
+        null: source.null,
         weigh_lossless: true,
     };
     if let Codec::Zerobit(codec) = &choice.codec {
-        return trial(reader, options, codec, &encoder, choice.brick_log2, 0..1, progress);
+        return trial(source, options, codec, &encoder, choice.brick_log2, 0..1, progress);
     }
     let mut total = BrickStats::default();
     let work = |_, view: crate::grid::View<'_>| Ok((encoder.encode(view)?.stats, view.extent.voxels()));
-    for_each_brick(reader, 0, choice.brick_log2, null, work, |_, (stats, voxels)| {
+    source.for_each_brick(&Walk::levels(choice.brick_log2, 0..1), work, |_, (stats, voxels)| {
         total.merge(&stats);
         progress(voxels);
         Ok(())
@@ -146,10 +142,9 @@ fn weigh(
 
 /// The best setting for a bound or rate, or `None` where none meets it.
 fn search(
-    reader: &mut dyn SlabReader,
+    source: &mut Source<'_>,
     options: &EncodeOptions,
     quality: Quality,
-    null: SampleValue,
     progress: &mut dyn FnMut(u64),
 ) -> Result<Option<Choice>> {
     check(quality)?;
@@ -162,7 +157,7 @@ fn search(
                 codec: Codec::S3dc(params),
                 zstd: false,
                 non_finite: options.non_finite,
-                null,
+                null: source.null,
                 weigh_lossless: false,
             });
         }
@@ -172,25 +167,23 @@ fn search(
         let stats: Result<Vec<BrickStats>> = encoders.iter().map(|e| Ok(e.encode(view)?.stats)).collect();
         Ok((stats?, view.extent.voxels()))
     };
-    for_each_brick(reader, 0, brick_log2, null, work, |_, (stats, voxels)| {
+    // Coarser levels take payload, too: what they cost counts, how good they are does not.
+    let is_rate = matches!(quality, Quality::Rate(_));
+    let levels = if is_rate { options.lod_count(source.extent(), brick_log2)? } else { 1 };
+    source.for_each_brick(&Walk::levels(brick_log2, 0..levels), work, |place, (stats, voxels)| {
         for (total, stats) in totals.iter_mut().zip(&stats) {
-            total.merge(stats);
+            if place.at.lod == 0 {
+                total.merge(stats);
+            } else {
+                total.payload += stats.payload;
+            }
         }
-        progress(voxels);
+        if place.at.lod == 0 {
+            progress(voxels);
+        }
         Ok(())
     })?;
-    if matches!(quality, Quality::Rate(_)) {
-        // Coarser levels take payload, too; what they cost counts, how good they are does not.
-        for lod in 1..options.lod_count(reader.extent(), brick_log2)? {
-            for_each_brick(reader, lod, brick_log2, null, work, |_, (stats, _)| {
-                for (total, stats) in totals.iter_mut().zip(&stats) {
-                    total.payload += stats.payload;
-                }
-                Ok(())
-            })?;
-        }
-    }
-    let voxels = reader.extent().voxels() as f64;
+    let voxels = source.voxels() as f64;
     let least = totals.iter().map(|s| s.payload).min().unwrap_or(0) as f64 * 8.0 / voxels;
     let best = match quality {
         Quality::Rate(rate) => totals

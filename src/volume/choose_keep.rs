@@ -3,14 +3,13 @@
 use super::brick_encoder::{BrickEncoder, BrickStats};
 use super::choose::{Choice, check, holds};
 use super::options::{EncodeOptions, Quality, ZerobitOptions};
+use super::slabs::Source;
 use super::zerobit::Encoding;
 use crate::codec::Codec;
 use crate::codec::zerobit::{KEEP_ALL, Threshold, Training, Zerobit};
 use crate::error::{Error, Result};
 use crate::geometry::Extent;
-use crate::grid::SlabReader;
 use crate::metrics::psnr;
-use crate::voxel::SampleValue;
 use std::ops::Range;
 
 /// Ratios that a search tries first, in millionths, until one lies beyond the edge.
@@ -32,12 +31,11 @@ pub(super) enum Found {
 /// # Errors
 /// `E_PARAM` for impossible settings, and for rates that are too low for any ratio.
 pub(super) fn choose_keep(
-    reader: &mut dyn SlabReader,
+    source: &mut Source<'_>,
     options: &EncodeOptions,
-    null: SampleValue,
     progress: &mut dyn FnMut(u64),
 ) -> Result<Found> {
-    let sample_type = reader.sample_type();
+    let (sample_type, null) = (source.sample_type(), source.null);
     let brick_log2 = options.brick_log2(Extent::cube(16))?;
     let codec = |keep| -> Result<Zerobit> {
         let params = options.zerobit.params(keep, options.selection.as_ref())?;
@@ -58,8 +56,8 @@ pub(super) fn choose_keep(
     };
     check(options.quality)?;
     choice(LADDER[0])?; // the sample type, before hours are spent
-    let lods = 0..if rate.is_some() { options.lod_count(reader.extent(), brick_log2)? } else { 1 };
-    let voxels = reader.extent().voxels() as f64;
+    let lods = 0..if rate.is_some() { options.lod_count(source.extent(), brick_log2)? } else { 1 };
+    let voxels = source.voxels() as f64;
     let encoder =
         BrickEncoder { codec: Codec::Raw, zstd: false, non_finite: options.non_finite, null, weigh_lossless: false };
     // More coefficients share 256 words, so that the error may grow again: what counts is the best of all that was tried.
@@ -67,7 +65,7 @@ pub(super) fn choose_keep(
     let within = |stats: &BrickStats, rate: f64| stats.payload as f64 * 8.0 / voxels <= rate;
     // Beyond the edge a bound is held, or a rate is passed.
     let mut is_beyond = |keep: u32| -> Result<bool> {
-        let stats = trial(reader, options, &codec(keep)?, &encoder, brick_log2, lods.clone(), progress)?;
+        let stats = trial(source, options, &codec(keep)?, &encoder, brick_log2, lods.clone(), progress)?;
         let beyond = rate.map_or_else(|| holds(&stats, options.quality), |rate| !within(&stats, rate));
         tried.push((keep, stats));
         Ok(beyond)
@@ -131,7 +129,7 @@ fn advice(options: &ZerobitOptions) -> String {
 
 /// Encodes some levels without writing them, and tells what came of it. Codebooks count as payload.
 pub(super) fn trial(
-    reader: &mut dyn SlabReader,
+    source: &mut Source<'_>,
     options: &EncodeOptions,
     codec: &Zerobit,
     encoder: &BrickEncoder,
@@ -141,25 +139,22 @@ pub(super) fn trial(
 ) -> Result<BrickStats> {
     let (region, selection) = (options.zerobit.codebook_region, options.selection.as_ref());
     let encoding = Encoding { codec, encoder, brick_log2, region, selection };
-    let t = reader.sample_type();
     let mut total = BrickStats::default();
     let mut books = Vec::new();
-    for lod in lods {
-        let survey = encoding.survey(reader, lod, &mut |_| {})?;
-        let cut = encoding.cut(reader, lod, &survey)?;
-        encoding.level(reader, lod, cut, &mut books, &mut *progress, &mut |_, encoded| {
-            let stats = encoded.stats();
-            if lod == 0 {
-                total.merge(stats);
-            } else {
-                total.payload += stats.payload;
-                total.stored += stats.stored;
-            }
-            Ok(())
-        })?;
-    }
+    let surveys = encoding.survey(source, lods.clone(), &mut |_| {})?;
+    let cuts = encoding.cuts(source, lods.clone(), &surveys)?;
+    encoding.encode(source, lods, &cuts, &mut books, progress, &mut |place, encoded| {
+        let stats = encoded.stats();
+        if place.at.lod == 0 {
+            total.merge(stats);
+        } else {
+            total.payload += stats.payload;
+            total.stored += stats.stored;
+        }
+        Ok(())
+    })?;
     let mut section = Vec::new();
-    books.iter().for_each(|book| book.write_to(t, &mut section));
+    books.iter().for_each(|book| book.write_to(source.sample_type(), &mut section));
     total.payload += section.len() as u64;
     total.stored += section.len() as u64;
     Ok(total)

@@ -1,10 +1,10 @@
 //! From a source of slabs to a file.
 
-use super::At;
 use super::choose::choose;
 use super::options::{CodecChoice, EncodeOptions, Quality};
 use super::selection::Selected;
-use super::slabs::for_each_brick;
+use super::slabs::{Place, Source, Walk};
+use super::spool::Spooled;
 use super::writer::{EncodeReport, Shape, VolumeWriter, null_sample};
 use super::zerobit::Encoding;
 use crate::codec::Codec;
@@ -44,7 +44,17 @@ pub fn encode<W: Write + Seek>(
 ) -> Result<EncodeReport> {
     let (extent, t) = (reader.extent(), reader.sample_type());
     extent.check()?;
+    let (time_steps, channels) = reader.series();
     let null = null_sample(t, options.null_value)?;
+    let mut notes = Vec::new();
+    let mut spooled;
+    let reader: &mut dyn SlabReader = if reader.is_sequential() && looks(options, t) > 0 {
+        notes.push("the source comes once, but is looked at more than once: it went to a temporary file".to_owned());
+        spooled = Spooled::new(reader, options.temp_dir.as_deref())?;
+        &mut spooled
+    } else {
+        reader
+    };
     let mut selected;
     let reader: &mut dyn SlabReader = match &options.selection {
         Some(selection) => {
@@ -53,46 +63,50 @@ pub fn encode<W: Write + Seek>(
         }
         None => reader,
     };
-    let total = extent.voxels() * (looks(options, t) + 1);
+    let (memory, temp_dir) = (options.memory, options.temp_dir.clone());
+    let mut source = Source { reader, null, downsample: options.downsample, memory, temp_dir, spooled: false };
+    let total = source.voxels().saturating_mul(looks(options, t) + 1);
     let mut done = 0;
     let mut advance = |voxels| {
         // The number of looks of a search is an estimate.
         done = total.min(done + voxels);
         progress(done, total);
     };
-    let choice = choose(reader, options, null, &mut advance)?;
-    let mut writer =
-        VolumeWriter::create(out, Shape::single(extent, t), choice.codec.clone(), choice.brick_log2, options)?;
+    let choice = choose(&mut source, options, &mut advance)?;
+    let shape = Shape { extent, sample_type: t, time_steps, channels };
+    let mut writer = VolumeWriter::create(out, shape, choice.codec.clone(), choice.brick_log2, options)?;
+    let levels = 0..options.lod_count(extent, choice.brick_log2)?;
+    let encoder = writer.encoder();
     let mut books = Vec::new();
-    for lod in 0..options.lod_count(extent, choice.brick_log2)? {
-        let encoder = writer.encoder();
-        if let Codec::Zerobit(codec) = &choice.codec {
-            let (region, selection) = (options.zerobit.codebook_region, options.selection.as_ref());
-            let encoding = Encoding { codec, encoder: &encoder, brick_log2: choice.brick_log2, region, selection };
-            let mut advance = |voxels| {
-                if lod == 0 {
-                    advance(voxels)
-                }
-            };
-            let survey = encoding.survey(reader, lod, &mut advance)?;
-            let cut = encoding.cut(reader, lod, &survey)?;
-            let mut put = |brick, encoded| writer.put(At::lod(lod), brick, encoded);
-            encoding.level(reader, lod, cut, &mut books, &mut advance, &mut put)?;
-            continue;
-        }
+    if let Codec::Zerobit(codec) = &choice.codec {
+        let (region, selection) = (options.zerobit.codebook_region, options.selection.as_ref());
+        let encoding = Encoding { codec, encoder: &encoder, brick_log2: choice.brick_log2, region, selection };
+        let surveys = encoding.survey(&mut source, levels.clone(), &mut advance)?;
+        let cuts = encoding.cuts(&mut source, levels.clone(), &surveys)?;
+        let mut put = |place: Place, encoded| writer.put(place.at, place.brick, encoded);
+        encoding.encode(&mut source, levels, &cuts, &mut books, &mut advance, &mut put)?;
+    } else {
         let work = |_, view: View<'_>| Ok((encoder.encode(view)?, view.extent.voxels()));
-        for_each_brick(reader, lod, choice.brick_log2, null, work, |brick, (encoded, voxels)| {
-            if lod == 0 {
+        source.for_each_brick(&Walk::levels(choice.brick_log2, levels), work, |place, (encoded, voxels)| {
+            if place.at.lod == 0 {
                 advance(voxels);
             }
-            writer.put(At::lod(lod), brick, encoded)
+            writer.put(place.at, place.brick, encoded)
         })?;
     }
+    let spooled = source.spooled;
     progress(total, total);
     writer.set_books(books);
     let (mut out, mut report) = writer.finish()?;
     out.flush().map_err(|e| Error::io("cannot write", e))?;
-    report.notes = choice.notes;
+    if spooled {
+        let megabytes = options.memory >> 20;
+        notes.push(format!(
+            "a slab of bricks takes more than the {megabytes} MiB of memory: it went to temporary files"
+        ));
+    }
+    notes.extend(choice.notes);
+    report.notes = notes;
     if let Some(lossless) = report.lossless_bytes.filter(|&l| l <= report.stored_bytes && report.stored_bytes > 0) {
         report.notes.push(format!(
             "raw would store the bricks without loss in {lossless} bytes, no more than these {}: use --codec raw or auto",

@@ -133,21 +133,40 @@ impl SlabReader for Selected<'_> {
     }
 
     fn read_slab(&mut self, z: Range<u32>, out: &mut [u8]) -> Result<()> {
-        self.inner.read_slab(z.clone(), out)?;
-        let extent = Extent { z: z.end - z.start, ..self.extent() };
+        self.read_rows(z, 0..self.extent().y, out)
+    }
+
+    fn read_rows(&mut self, z: Range<u32>, y: Range<u32>, out: &mut [u8]) -> Result<()> {
+        self.inner.read_rows(z.clone(), y.clone(), out)?;
+        let extent = Extent { y: y.end - y.start, z: z.end - z.start, ..self.extent() };
         let mut view = ViewMut::dense(out, extent, self.sample_type());
-        let slab = Region { start: [0, 0, z.start], end: [extent.x, extent.y, z.end] };
+        let slab = Region { start: [0, y.start, z.start], end: [extent.x, y.end, z.end] };
+        let rows = y.start / CELL_EDGE..y.end.div_ceil(CELL_EDGE);
         let cells = self.selection.cells;
         for cz in z.start / CELL_EDGE..z.end.div_ceil(CELL_EDGE) {
-            for cell in (0..cells.y).flat_map(|y| (0..cells.x).map(move |x| [x, y, cz])) {
+            for cell in rows.clone().flat_map(|y| (0..cells.x).map(move |x| [x, y, cz])) {
                 if self.selection.contains(cell) {
                     continue;
                 }
                 let mut part = cell_region(cell).intersect(&slab);
-                (part.start[2], part.end[2]) = (part.start[2] - z.start, part.end[2] - z.start);
+                for (axis, origin) in [(1, y.start), (2, z.start)] {
+                    (part.start[axis], part.end[axis]) = (part.start[axis] - origin, part.end[axis] - origin);
+                }
                 with_sample!(self.null.sample_type(), T => view.sub(&part).fill::<T>(self.null.typed()));
             }
         }
         Ok(())
+    }
+
+    fn series(&self) -> (u32, u32) {
+        self.inner.series()
+    }
+
+    fn turn_to(&mut self, time: u32, channel: u32) -> Result<()> {
+        self.inner.turn_to(time, channel)
+    }
+
+    fn is_sequential(&self) -> bool {
+        self.inner.is_sequential()
     }
 }

@@ -40,8 +40,8 @@ impl Shape {
 }
 
 /// Writes one volume. Bricks may come in any order; those that never come are EMPTY.
-pub struct VolumeWriter<W: Write + Seek> {
-    file: FileWriter<W>,
+pub struct VolumeWriter<S: BrickSink> {
+    file: S,
     descriptor: VolumeDescriptor,
     octree: Octree,
     encoder: BrickEncoder,
@@ -107,12 +107,25 @@ pub struct EncodeReport {
     pub notes: Vec<String>,
 }
 
-impl<W: Write + Seek> VolumeWriter<W> {
-    /// Starts a volume in `out`, whose bricks are all coded with `codec`.
+impl<W: Write + Seek> VolumeWriter<FileWriter<W>> {
+    /// Starts a volume in `out`, a head file whose bricks are all coded with `codec`.
     ///
     /// # Errors
     /// `E_PARAM`, `E_LIMIT` for shapes and options outside the format.
     pub fn create(out: W, shape: Shape, codec: Codec, brick_log2: u8, options: &EncodeOptions) -> Result<Self> {
+        VolumeWriter::start(shape, codec, brick_log2, options, |descriptor| FileWriter::new(out, descriptor))
+    }
+}
+
+impl<S: BrickSink> VolumeWriter<S> {
+    /// Starts a volume in the file that `open` makes.
+    pub(super) fn start(
+        shape: Shape,
+        codec: Codec,
+        brick_log2: u8,
+        options: &EncodeOptions,
+        open: impl FnOnce(&VolumeDescriptor) -> Result<S>,
+    ) -> Result<Self> {
         shape.extent.check()?;
         codec.supports(shape.sample_type)?;
         options.placement.check()?;
@@ -153,7 +166,7 @@ impl<W: Write + Seek> VolumeWriter<W> {
         let weigh_lossless = options.zstd && matches!(codec, Codec::S3dc(_));
         let encoder = BrickEncoder { codec, zstd: options.zstd, non_finite: options.non_finite, null, weigh_lossless };
         Ok(VolumeWriter {
-            file: FileWriter::new(out, &descriptor)?,
+            file: open(&descriptor)?,
             descriptor,
             octree,
             encoder,
@@ -162,7 +175,10 @@ impl<W: Write + Seek> VolumeWriter<W> {
             file_id: options.file_id,
             totals: Totals::default(),
             books: Vec::new(),
-            selected: options.selection.as_ref().map(|s| s.voxels(0)),
+            selected: options
+                .selection
+                .as_ref()
+                .map(|s| s.voxels(0) * u64::from(shape.time_steps) * u64::from(shape.channels)),
         })
     }
 
@@ -259,7 +275,7 @@ impl<W: Write + Seek> VolumeWriter<W> {
     ///
     /// # Errors
     /// `E_SOURCE`; `E_LIMIT` where the metadata is too large.
-    pub fn finish(mut self) -> Result<(W, EncodeReport)> {
+    pub fn finish(mut self) -> Result<(S::Out, EncodeReport)> {
         let Totals { mut finest, mut payload, replaced, kinds } = self.totals;
         if let Some(selected) = self.selected {
             // The others are null in source and result: they must not make the mean look better.

@@ -3,15 +3,16 @@
 
 use super::brick_encoder::{BrickEncoder, EncodedBrick};
 use super::selection::Selection;
-use super::slabs::for_each_brick_in;
+use super::slabs::{Place, Source, Walk};
 use crate::codec::Codec;
 use crate::codec::zerobit::{Book, Coder, Cut, Plan, RankSearch, Survey, Threshold, Trainer, Zerobit};
 use crate::error::{Error, Result};
-use crate::geometry::{Coord, Extent};
-use crate::grid::{SlabReader, View};
+use crate::geometry::Extent;
+use crate::grid::View;
 use crate::limits;
 use crate::voxel::SampleType;
 use rayon::prelude::*;
+use std::ops::Range;
 use std::sync::Arc;
 
 /// How the levels of one volume are encoded.
@@ -26,98 +27,165 @@ pub(super) struct Encoding<'a> {
     pub(super) selection: Option<&'a Selection>,
 }
 
-/// Encoded bricks, in order: z, y, x, x fastest.
-type Take<'a> = dyn FnMut(Coord, EncodedBrick) -> Result<()> + 'a;
+/// Takes encoded bricks, in the order of the walk.
+type Take<'a> = dyn FnMut(Place, EncodedBrick) -> Result<()> + 'a;
 
 impl Encoding<'_> {
-    /// Looks at level `lod` once.
-    pub(super) fn survey(&self, reader: &mut dyn SlabReader, lod: u8, progress: &mut dyn FnMut(u64)) -> Result<Survey> {
-        let mut total = Survey::default();
+    /// Looks at `levels` once, of all time steps and channels.
+    pub(super) fn survey(
+        &self,
+        source: &mut Source<'_>,
+        levels: Range<u8>,
+        progress: &mut dyn FnMut(u64),
+    ) -> Result<Vec<Survey>> {
+        let mut totals = vec![Survey::default(); levels.len()];
         let work = |_, view: View<'_>| {
             let voxels = view.extent.voxels();
             // Constant bricks take no coefficients: what they would have is left to the others.
             let constant = self.encoder.constant(view).is_some();
             Ok(if constant { Survey { voxels, ..Survey::default() } } else { self.codec.survey(view) })
         };
-        self.each(reader, lod, None, work, |_, survey| {
-            progress(survey.voxels);
-            total.merge(survey);
+        source.for_each_brick(&Walk::levels(self.brick_log2, levels.clone()), work, |place, survey| {
+            if place.at.lod == 0 {
+                progress(survey.voxels);
+            }
+            totals[usize::from(place.at.lod - levels.start)].merge(survey);
             Ok(())
         })?;
         if let Some(selection) = self.selection {
-            total.voxels = selection.voxels(lod);
+            for (level, total) in levels.zip(&mut totals) {
+                total.voxels = selection.voxels(level) * u64::from(source.trees());
+            }
         }
-        Ok(total)
+        Ok(totals)
     }
 
-    /// What to keep of level `lod`; a global threshold takes two or three more looks.
-    pub(super) fn cut(&self, reader: &mut dyn SlabReader, lod: u8, survey: &Survey) -> Result<Cut> {
+    /// What to keep of each of `levels`; a global threshold takes two or three more looks.
+    pub(super) fn cuts(&self, source: &mut Source<'_>, levels: Range<u8>, surveys: &[Survey]) -> Result<Vec<Cut>> {
         let keep = self.codec.params().keep_ppm();
         if self.codec.params().threshold == Threshold::Adaptive {
-            return Ok(Cut::Share { budget: survey.budget(keep), nonzero: survey.nonzero });
+            let share = |s: &Survey| Cut::Share { budget: s.budget(keep), nonzero: s.nonzero };
+            return Ok(surveys.iter().map(share).collect());
         }
-        let budget = survey.budget(keep);
-        let mut search = RankSearch::new(budget, is_wide(reader.sample_type()));
-        while !search.is_done() {
-            let mut total = search.digits();
-            let work = |_, view: View<'_>| {
-                let constant = self.encoder.constant(view).is_some();
-                Ok((!constant).then(|| self.codec.count_norms(view, &search)))
+        let wide = is_wide(source.sample_type());
+        let mut searches: Vec<RankSearch> = surveys.iter().map(|s| RankSearch::new(s.budget(keep), wide)).collect();
+        while searches.iter().any(|s| !s.is_done()) {
+            let mut totals: Vec<_> = searches.iter().map(RankSearch::digits).collect();
+            let search_of = |place: Place| &searches[usize::from(place.at.lod - levels.start)];
+            let work = |place: Place, view: View<'_>| {
+                let idle = search_of(place).is_done() || self.encoder.constant(view).is_some();
+                Ok((!idle).then(|| self.codec.count_norms(view, search_of(place))))
             };
-            self.each(reader, lod, None, work, |_, digits| {
+            source.for_each_brick(&Walk::levels(self.brick_log2, levels.clone()), work, |place, digits| {
+                let total = &mut totals[usize::from(place.at.lod - levels.start)];
                 for (total, count) in total.iter_mut().zip(digits.into_iter().flatten()) {
                     *total += count;
                 }
                 Ok(())
             })?;
-            search.take(&total);
+            for (search, total) in searches.iter_mut().zip(&totals).filter(|(search, _)| !search.is_done()) {
+                search.take(total);
+            }
         }
-        Ok(search.cut())
+        Ok(searches.iter().map(RankSearch::cut).collect())
     }
 
-    /// Trains codebooks for level `lod` and encodes its bricks. Codebooks are numbered from `books.len()` on, and added.
-    pub(super) fn level(
+    /// Trains codebooks for `levels` and encodes their bricks. Time steps and channels share codebooks. They are numbered
+    /// from `books.len()` on, and added.
+    pub(super) fn encode(
         &self,
-        reader: &mut dyn SlabReader,
-        lod: u8,
-        cut: Cut,
+        source: &mut Source<'_>,
+        levels: Range<u8>,
+        cuts: &[Cut],
         books: &mut Vec<Book>,
         progress: &mut dyn FnMut(u64),
         take: &mut Take<'_>,
     ) -> Result<()> {
-        let bricks = reader.extent().at_lod(lod).div_ceil(Extent::cube(1 << self.brick_log2));
-        let edge = self.region.unwrap_or(u32::MAX).min(bricks.x.max(bricks.y).max(bricks.z));
-        for z in (0..bricks.z).step_by(edge as usize) {
-            let layers = z..z.saturating_add(edge).min(bricks.z);
-            let regions = bricks.div_ceil(Extent::cube(edge));
-            let region_of = |brick: Coord| (brick[0] / edge + regions.x * (brick[1] / edge)) as usize;
-            let codecs = {
-                let count = (regions.x * regions.y) as usize;
-                let mut trainers: Vec<Option<Trainer>> = (0..count).map(|_| None).collect();
-                let work = |_, view: View<'_>| {
-                    let constant = self.encoder.constant(view).is_some();
-                    Ok((view.extent.voxels(), (!constant).then(|| self.codec.survivors(view, cut))))
-                };
-                self.each(reader, lod, Some(layers.clone()), work, |brick, (voxels, survivors)| {
-                    progress(voxels);
-                    if let Some(survivors) = survivors {
-                        trainers[region_of(brick)].get_or_insert_default().take(&survivors);
-                    }
-                    Ok(())
-                })?;
-                self.train(trainers, cut, reader.sample_type(), books)?
-            };
-            let work = |brick, view: View<'_>| {
-                let codec = codecs[region_of(brick)].clone().unwrap_or_else(|| Codec::Zerobit(self.codec.clone()));
-                let encoder = BrickEncoder { codec, ..self.encoder.clone() };
-                Ok((view.extent.voxels(), encoder.encode(view)?))
-            };
-            self.each(reader, lod, Some(layers), work, |brick, (voxels, encoded)| {
-                progress(voxels);
-                take(brick, encoded)
-            })?;
+        if self.region.is_none() {
+            return self.part(source, &Walk::levels(self.brick_log2, levels), cuts, books, progress, take);
+        }
+        // One layer of regions at a time: the histograms of all of them would not fit.
+        for (level, cut) in levels.zip(cuts) {
+            let bricks = self.bricks(source, level);
+            let edge = self.region_edge(bricks);
+            for z in (0..bricks.z).step_by(edge as usize) {
+                let layers = Some(z..z.saturating_add(edge).min(bricks.z));
+                let walk = Walk { brick_log2: self.brick_log2, levels: level..level + 1, layers };
+                self.part(source, &walk, &[*cut], books, progress, take)?;
+            }
         }
         Ok(())
+    }
+
+    fn bricks(&self, source: &Source<'_>, level: u8) -> Extent {
+        source.extent().at_lod(level).div_ceil(Extent::cube(1 << self.brick_log2))
+    }
+
+    /// Bricks per axis that share a codebook.
+    fn region_edge(&self, bricks: Extent) -> u32 {
+        self.region.unwrap_or(u32::MAX).min(bricks.x.max(bricks.y).max(bricks.z))
+    }
+
+    /// Codebooks and bricks of a part whose regions are one layer thick.
+    fn part(
+        &self,
+        source: &mut Source<'_>,
+        walk: &Walk,
+        cuts: &[Cut],
+        books: &mut Vec<Book>,
+        progress: &mut dyn FnMut(u64),
+        take: &mut Take<'_>,
+    ) -> Result<()> {
+        let first = walk.levels.start;
+        // Regions of each level, and how many bricks they take.
+        let grids: Vec<(Extent, u32)> = walk
+            .levels
+            .clone()
+            .map(|level| {
+                let bricks = self.bricks(source, level);
+                let edge = self.region_edge(bricks);
+                (bricks.div_ceil(Extent::cube(edge)), edge)
+            })
+            .collect();
+        let index = |place: Place| usize::from(place.at.lod - first);
+        let region_of = |place: Place| {
+            let (regions, edge) = grids[index(place)];
+            (place.brick[0] / edge + regions.x * (place.brick[1] / edge)) as usize
+        };
+        let mut trainers: Vec<Vec<Option<Trainer>>> =
+            grids.iter().map(|(regions, _)| (0..regions.x * regions.y).map(|_| None).collect()).collect();
+        let work = |place: Place, view: View<'_>| {
+            let constant = self.encoder.constant(view).is_some();
+            Ok((view.extent.voxels(), (!constant).then(|| self.codec.survivors(view, cuts[index(place)]))))
+        };
+        let mut count = |place: Place, voxels| {
+            if place.at.lod == 0 {
+                progress(voxels);
+            }
+        };
+        source.for_each_brick(walk, work, |place, (voxels, survivors)| {
+            count(place, voxels);
+            if let Some(survivors) = survivors {
+                trainers[index(place)][region_of(place)].get_or_insert_default().take(&survivors);
+            }
+            Ok(())
+        })?;
+        let t = source.sample_type();
+        let codecs: Vec<Vec<Option<Codec>>> = trainers
+            .into_iter()
+            .zip(cuts)
+            .map(|(trainers, cut)| self.train(trainers, *cut, t, books))
+            .collect::<Result<_>>()?;
+        let work = |place: Place, view: View<'_>| {
+            let codec = codecs[index(place)][region_of(place)].clone();
+            let codec = codec.unwrap_or_else(|| Codec::Zerobit(self.codec.clone()));
+            let encoder = BrickEncoder { codec, ..self.encoder.clone() };
+            Ok((view.extent.voxels(), encoder.encode(view)?))
+        };
+        source.for_each_brick(walk, work, |place, (voxels, encoded)| {
+            count(place, voxels);
+            take(place, encoded)
+        })
     }
 
     /// Codecs by region; none, where no brick of the region is stored.
@@ -148,17 +216,6 @@ impl Encoding<'_> {
             Codec::Zerobit(self.codec.with_books_from(first, shared.clone()).planned(Plan { book, coder, cut }))
         };
         Ok(numbers.into_iter().map(|number| number.map(with_plan)).collect())
-    }
-
-    fn each<R: Send>(
-        &self,
-        reader: &mut dyn SlabReader,
-        lod: u8,
-        layers: Option<std::ops::Range<u32>>,
-        work: impl Fn(Coord, View<'_>) -> Result<R> + Sync,
-        take: impl FnMut(Coord, R) -> Result<()>,
-    ) -> Result<()> {
-        for_each_brick_in(reader, lod, self.brick_log2, self.encoder.null, layers, work, take)
     }
 }
 
