@@ -238,7 +238,7 @@ fn a_killed_encoder_leaves_nothing_and_its_rest_is_cleared_away() {
 fn parts_levels_and_formats() {
     let dir = folder();
     let d = dir.path();
-    ok(d, &[&["encode", "ball.raw", "ball.vug", "--levels", "0", "--brick", "16"], &RAW[..]].concat());
+    ok(d, &[&["encode", "ball.raw", "ball.vug", "--levels", "auto", "--brick", "16"], &RAW[..]].concat());
     assert_eq!(json(d, &["info", "ball.vug"])["levels"], 4);
     let part = json(d, &["decode", "ball.vug", "part.npy", "--region", "10:30,5:6,0:50"]);
     assert_eq!(part["dims"], serde_json::json!([20, 1, 50]));

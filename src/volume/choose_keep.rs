@@ -143,7 +143,7 @@ pub(super) fn trial(
     let mut books = Vec::new();
     let surveys = encoding.survey(source, lods.clone(), &mut |_| {})?;
     let cuts = encoding.cuts(source, lods.clone(), &surveys)?;
-    encoding.encode(source, lods, &cuts, &mut books, progress, &mut |place, encoded| {
+    encoding.encode(source, lods, &cuts, &mut books, progress, &mut |_, place, encoded| {
         let stats = encoded.stats();
         if place.at.lod == 0 {
             total.merge(stats);

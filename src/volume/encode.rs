@@ -8,6 +8,7 @@ use super::spool::Spooled;
 use super::writer::{EncodeReport, Shape, VolumeWriter, null_sample};
 use super::zerobit::Encoding;
 use crate::codec::Codec;
+use crate::codec::zerobit::Book;
 use crate::error::{Error, Result};
 use crate::grid::{SlabReader, View};
 use crate::voxel::SampleType;
@@ -83,7 +84,10 @@ pub fn encode<W: Write + Seek>(
         let encoding = Encoding { codec, encoder: &encoder, brick_log2: choice.brick_log2, region, selection };
         let surveys = encoding.survey(&mut source, levels.clone(), &mut advance)?;
         let cuts = encoding.cuts(&mut source, levels.clone(), &surveys)?;
-        let mut put = |place: Place, encoded| writer.put(place.at, place.brick, encoded);
+        let mut put = |books: &[Book], place: Place, encoded| {
+            writer.set_books(books);
+            writer.put(place.at, place.brick, encoded)
+        };
         encoding.encode(&mut source, levels, &cuts, &mut books, &mut advance, &mut put)?;
     } else {
         let work = |_, view: View<'_>| Ok((encoder.encode(view)?, view.extent.voxels()));
@@ -96,7 +100,6 @@ pub fn encode<W: Write + Seek>(
     }
     let spooled = source.spooled;
     progress(total, total);
-    writer.set_books(books);
     let (mut out, mut report) = writer.finish()?;
     out.flush().map_err(|e| Error::io("cannot write", e))?;
     if spooled {

@@ -2,7 +2,7 @@
 
 use super::At;
 use super::pyramid::{Block, Pyramid, Rows, Tower, working_bytes};
-use super::slabs::{Place, Source, Walk, bricks};
+use super::slabs::{Place, Source, Walk, bricks, bricks_per_thread};
 use super::spool::SlabBuffer;
 use crate::error::{Code, Error, Result};
 use crate::geometry::{Extent, Region};
@@ -46,7 +46,7 @@ impl Pass {
         let coarse: u64 =
             (1..=coarsest).filter(|&l| visited(l)).map(|l| Ok(slab_bytes(l)? as u64)).sum::<Result<u64>>()?;
         let budget = Budget::new(source, edge, coarse, coarsest)?;
-        let mut left = if budget.fits { u64::MAX } else { source.memory / 4 };
+        let mut left = if budget.fits { u64::MAX } else { budget.memory / COARSE_SHARE };
         let mut slabs = Vec::new();
         // The smallest stay in memory.
         for level in (1..=coarsest).rev() {
@@ -125,8 +125,13 @@ impl Pass {
     }
 }
 
+/// Where not everything fits, one part in this many is for slabs of coarser levels.
+const COARSE_SHARE: u64 = 4;
+
 /// How much of level 0 is held at a time.
 struct Budget {
+    /// Bytes for slabs: what may be used, less what bricks in work take.
+    memory: u64,
     /// Whether everything fits in memory.
     fits: bool,
     /// Rows of bricks.
@@ -137,32 +142,47 @@ struct Budget {
 }
 
 impl Budget {
-    /// Where not everything fits, half of the memory is for rows of level 0, and a quarter for the coarser levels.
+    /// Where not everything fits, a part of the memory is for coarser levels, the rest for rows of level 0.
     fn new(source: &Source<'_>, edge: u32, coarse: u64, coarsest: u8) -> Result<Budget> {
         let (fine, t) = (source.extent(), source.sample_type());
         let brick_rows = fine.y.div_ceil(edge);
+        // Bricks that are worked on: their samples, payloads, decoded copies; and what does not depend on any size.
+        let threads = rayon::current_num_threads() as u64;
+        let brick = dense_len(Extent::cube(edge).min(fine), t)?;
+        let in_work = threads * (2 * bricks_per_thread(brick) + 2) as u64 * brick as u64;
+        let memory = source.memory.saturating_sub(in_work).max(source.memory / 4);
         if source.reader.as_view().is_some() {
             // The source itself is in memory: what is added is small beside it.
-            return Ok(Budget { fits: coarse <= source.memory, rows: brick_rows, is_split: false, strip_bytes: 0 });
+            return Ok(Budget { memory, fits: coarse <= memory, rows: brick_rows, is_split: false, strip_bytes: 0 });
         }
         let row = dense_len(Extent { y: edge.min(fine.y), ..slab_extent(fine, edge) }, t)?;
         let whole = dense_len(slab_extent(fine, edge), t)?;
-        // Samples of coarser levels on their way to their slabs, and the sums they are made of.
-        let threads = rayon::current_num_threads() as u64;
-        let working = if coarsest > 0 { whole as u64 / 7 + threads * working_bytes(fine.x, edge, t) } else { 0 };
-        if whole as u64 + coarse + working <= source.memory {
-            return Ok(Budget { fits: true, rows: brick_rows, is_split: false, strip_bytes: whole });
+        // Samples of coarser levels on their way to their slabs, and the sums they are made of, by the threads that are busy.
+        let held = |rows: u32| {
+            let strip = (row as u64).saturating_mul(u64::from(rows)).min(whole as u64);
+            let sums = threads.min(u64::from(rows)) * working_bytes(fine.x, edge, t);
+            if coarsest > 0 { strip + strip / 7 + sums } else { strip }
+        };
+        if held(brick_rows) + coarse <= memory {
+            return Ok(Budget { memory, fits: true, rows: brick_rows, is_split: false, strip_bytes: whole });
         }
-        let rows = u32::try_from(source.memory / 2 / row as u64).unwrap_or(u32::MAX).min(brick_rows);
+        let share = memory - memory / COARSE_SHARE;
+        // Held bytes grow with the rows: a few steps find the most that fit.
+        let (mut rows, mut too_many) = (0, brick_rows + 1);
+        while too_many - rows > 1 {
+            let middle = rows + (too_many - rows) / 2;
+            *if held(middle) <= share { &mut rows } else { &mut too_many } = middle;
+        }
         if rows == 0 {
             let message = format!(
-                "a row of bricks takes {row} bytes, more than half of the {} that may be used; allow more memory (--memory) or take smaller bricks (--brick)",
+                "a row of bricks takes {} bytes, more than there is for it of the {} that may be used; allow more memory (--memory) or take smaller bricks (--brick)",
+                held(1),
                 source.memory
             );
             return Err(Error::new(Code::Limit, "memory", message));
         }
         let strip_bytes = whole.min(row.saturating_mul(rows as usize));
-        Ok(Budget { fits: false, rows, is_split: rows < brick_rows, strip_bytes })
+        Ok(Budget { memory, fits: false, rows, is_split: rows < brick_rows, strip_bytes })
     }
 }
 

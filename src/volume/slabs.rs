@@ -102,6 +102,11 @@ impl Source<'_> {
     }
 }
 
+/// How many bricks a thread works on at a time, where they hold this many bytes of samples.
+pub(super) fn bricks_per_thread(brick_bytes: usize) -> usize {
+    (BYTES_PER_THREAD / brick_bytes).clamp(1, PER_THREAD)
+}
+
 /// Works on all bricks of `view`, which starts at row `start[0]` and plane `start[1]` of its level and at brick borders.
 pub(super) fn bricks<R: Send>(
     at: At,
@@ -114,10 +119,9 @@ pub(super) fn bricks<R: Send>(
     let e = view.extent;
     let across = e.div_ceil(Extent::cube(edge));
     let brick_bytes = dense_len(Extent::cube(edge).min(e), view.sample_type)?;
-    let per_thread = (BYTES_PER_THREAD / brick_bytes).clamp(1, PER_THREAD);
     let local: Vec<[u32; 2]> = (0..across.y).flat_map(|y| (0..across.x).map(move |x| [x, y])).collect();
     let place = |[x, y]: [u32; 2]| Place { at, brick: [x, start[0] / edge + y, start[1] / edge] };
-    for group in local.chunks(per_thread * rayon::current_num_threads()) {
+    for group in local.chunks(bricks_per_thread(brick_bytes) * rayon::current_num_threads()) {
         let results: Vec<Result<R>> = group
             .par_iter()
             .map(|&brick| {

@@ -52,7 +52,12 @@ pub struct VolumeWriter<S: BrickSink> {
     books: Vec<Book>,
     /// Voxels of level 0 that are selected.
     selected: Option<u64>,
+    /// Payload bytes since the last checkpoint.
+    pending: u64,
 }
+
+/// Payload bytes that are written between two checkpoints: what a writer that is killed can lose of the index.
+const CHECKPOINT_BYTES: u64 = 16 << 20;
 
 #[derive(Default)]
 struct Totals {
@@ -175,6 +180,7 @@ impl<S: BrickSink> VolumeWriter<S> {
             file_id: options.file_id,
             totals: Totals::default(),
             books: Vec::new(),
+            pending: 0,
             selected: options
                 .selection
                 .as_ref()
@@ -213,14 +219,15 @@ impl<S: BrickSink> VolumeWriter<S> {
             (encoder.codec, book) = (Codec::Zerobit(codec), Some(own));
         }
         let encoded = encoder.encode(samples).map_err(|e| self.locate(e, samples, at, brick))?;
-        self.put(at, brick, encoded)?;
         self.books.extend(book);
-        Ok(())
+        self.put(at, brick, encoded)
     }
 
-    /// Sets the codebooks that encoded bricks refer to.
-    pub(super) fn set_books(&mut self, books: Vec<Book>) {
-        self.books = books;
+    /// Tells of the codebooks that encoded bricks refer to, as far as there are any yet.
+    pub(super) fn set_books(&mut self, books: &[Book]) {
+        if self.books.len() != books.len() {
+            self.books = books.to_vec();
+        }
     }
 
     pub(super) fn encoder(&self) -> BrickEncoder {
@@ -265,40 +272,60 @@ impl<S: BrickSink> VolumeWriter<S> {
             }] += 1;
         }
         match node.kind {
-            NodeKind::Stored => self.file.put_stored(tree, at.lod, brick, &node, &payload),
-            NodeKind::Constant => self.file.put_constant(tree, at.lod, brick, &node),
-            NodeKind::Empty => Ok(()),
+            NodeKind::Stored => self.file.put_stored(tree, at.lod, brick, &node, &payload)?,
+            NodeKind::Constant => self.file.put_constant(tree, at.lod, brick, &node)?,
+            NodeKind::Empty => {}
+        }
+        self.pending += payload.len() as u64;
+        if self.pending >= CHECKPOINT_BYTES { self.checkpoint() } else { Ok(()) }
+    }
+
+    /// Makes what has been written readable, where the layout can (spec chapter 15).
+    fn checkpoint(&mut self) -> Result<()> {
+        let (descriptor, options) = (self.described(), self.finish_options());
+        self.pending = 0;
+        self.file.checkpoint(&descriptor, &options)
+    }
+
+    /// The descriptor with what is known of the bricks so far, but for errors: they are known in the end.
+    fn described(&self) -> VolumeDescriptor {
+        VolumeDescriptor {
+            source_range: self.totals.finest.source.unwrap_or_default(),
+            payload_bytes: self.totals.payload,
+            replaced: self.totals.replaced,
+            ..self.descriptor.clone()
         }
     }
 
-    /// Writes index and head. The file is complete when this returns, but not yet synced.
+    fn finish_options(&self) -> FinishOptions {
+        let mut section = Vec::new();
+        self.books.iter().for_each(|book| book.write_to(self.descriptor.sample_type, &mut section));
+        let codebooks = self.books.len() as u64;
+        FinishOptions {
+            codebooks: (codebooks > 0).then_some((section, codebooks)),
+            meta: self.meta.clone().map(String::into_bytes),
+            times: self.times.clone(),
+            file_id: self.file_id,
+            ..FinishOptions::default()
+        }
+    }
+
+    /// Writes what is left: index and head, or the last commit. The file is complete when this returns, but not yet synced.
     ///
     /// # Errors
     /// `E_SOURCE`; `E_LIMIT` where the metadata is too large.
-    pub fn finish(mut self) -> Result<(S::Out, EncodeReport)> {
+    pub fn finish(self) -> Result<(S::Out, EncodeReport)> {
+        let (mut d, options) = (self.described(), self.finish_options());
         let Totals { mut finest, mut payload, replaced, kinds } = self.totals;
         if let Some(selected) = self.selected {
             // The others are null in source and result: they must not make the mean look better.
             finest.error.count = selected * self.descriptor.sample_type.components() as u64;
         }
-        let d = &mut self.descriptor;
-        d.source_range = finest.source.unwrap_or_default();
-        d.payload_bytes = payload;
-        d.replaced = replaced;
         let error = &finest.error;
         d.achieved = Some(Achieved { max_error: error.max_abs, rmse: error.rmse(), mean_error: error.mean_abs() });
-        let mut section = Vec::new();
-        self.books.iter().for_each(|book| book.write_to(d.sample_type, &mut section));
+        payload += options.codebooks.as_ref().map_or(0, |(section, _)| section.len() as u64);
         let codebooks = self.books.len() as u64;
-        payload += section.len() as u64;
-        let finish = FinishOptions {
-            codebooks: (codebooks > 0).then_some((section, codebooks)),
-            meta: self.meta.map(String::into_bytes),
-            times: self.times,
-            file_id: self.file_id,
-            ..FinishOptions::default()
-        };
-        let (out, summary) = self.file.finish(d, finish)?;
+        let (out, summary) = self.file.finish(&d, options)?;
         let voxels = d.dims.voxels() as f64 * f64::from(d.time_steps) * f64::from(d.channels);
         let original = voxels * d.sample_type.bytes() as f64;
         let (ratio_formula, s3dc, zerobit) = match &self.encoder.codec {

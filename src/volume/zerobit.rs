@@ -27,8 +27,8 @@ pub(super) struct Encoding<'a> {
     pub(super) selection: Option<&'a Selection>,
 }
 
-/// Takes encoded bricks, in the order of the walk.
-type Take<'a> = dyn FnMut(Place, EncodedBrick) -> Result<()> + 'a;
+/// Takes encoded bricks, in the order of the walk, and the codebooks there are so far.
+type Take<'a> = dyn FnMut(&[Book], Place, EncodedBrick) -> Result<()> + 'a;
 
 impl Encoding<'_> {
     /// Looks at `levels` once, of all time steps and channels.
@@ -184,7 +184,7 @@ impl Encoding<'_> {
         };
         source.for_each_brick(walk, work, |place, (voxels, encoded)| {
             count(place, voxels);
-            take(place, encoded)
+            take(books, place, encoded)
         })
     }
 

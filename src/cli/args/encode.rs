@@ -1,6 +1,6 @@
 //! `vug encode`, declared.
 
-use super::parse::{parse_bits, parse_block, parse_file_id, parse_keep};
+use super::parse::{parse_bits, parse_block, parse_bytes, parse_file_id, parse_keep, parse_levels};
 use super::{Common, Import};
 use crate::geometry::Extent;
 use crate::volume::Bound;
@@ -25,6 +25,18 @@ pub(in crate::cli) enum EndpointsArg {
     Minmax,
     /// Least squares: smaller mean error, larger maximum error
     Fitted,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(in crate::cli) enum DownsampleArg {
+    /// Mean of the voxels that a coarse one covers
+    Mean,
+    /// The smallest of them
+    Min,
+    /// The largest of them
+    Max,
+    /// The one in the middle
+    Nearest,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -54,6 +66,8 @@ Examples:
   vug encode colour.nrrd colour.vug --keep 3%         zerobit: the largest 3 % of the wavelet coefficients
   vug encode colour.nrrd colour.vug --codec zerobit --psnr 30
   vug encode slices/ stack.vug --codec raw            slices/*.png, *.tif or *.jpg
+  vug encode big.raw big.vug --shape 8192,8192,4096 --dtype u8 --levels auto --memory 2G
+  vug encode segmentation.nrrd labels.vug --labels --levels auto
   vug encode head.nrrd head.vug --no-zstd             to be mapped, or handed to the GPU as it is"
 )]
 pub(in crate::cli) struct Encode {
@@ -91,9 +105,21 @@ pub(in crate::cli) struct Encode {
     /// Brick edge in voxels: 16, 32, 64, 128, 256 [default: 64, or as large as the block]
     #[arg(long, value_name = "N")]
     pub(in crate::cli) brick: Option<u32>,
-    /// Levels of detail, each half as large as the one before; 0: down to one brick
-    #[arg(long, value_name = "N", default_value = "1")]
+    /// Levels of detail, each half as large as the one before: a number, or auto, down to one brick
+    #[arg(long, value_name = "N|auto", default_value = "1", value_parser = parse_levels)]
     pub(in crate::cli) levels: u8,
+    /// How a coarser voxel is made of those it covers [default: mean; labels: nearest]
+    #[arg(long, value_enum, value_name = "OPERATOR")]
+    pub(in crate::cli) downsample: Option<DownsampleArg>,
+    /// The numbers are labels: stored without loss, coarser levels take the nearest. Sources that say so need no flag
+    #[arg(long)]
+    pub(in crate::cli) labels: bool,
+    /// Memory to keep within, with K, M or G behind it; slabs that do not fit go to temporary files
+    #[arg(long, value_name = "BYTES", default_value = "1G", value_parser = parse_bytes)]
+    pub(in crate::cli) memory: u64,
+    /// Folder for temporary files [default: the system's]
+    #[arg(long, value_name = "DIR")]
+    pub(in crate::cli) temp_dir: Option<PathBuf>,
     /// Store payloads as they go to the GPU, without zstd
     #[arg(long)]
     pub(in crate::cli) no_zstd: bool,

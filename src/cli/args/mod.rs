@@ -4,7 +4,7 @@ mod encode;
 mod parse;
 
 pub(in crate::cli) use encode::{
-    CodecArg, Encode, EndpointsArg, NanArg, NormArg, StreamArg, ThresholdArg, TrainingArg, ZerobitArgs,
+    CodecArg, DownsampleArg, Encode, EndpointsArg, NanArg, NormArg, StreamArg, ThresholdArg, TrainingArg, ZerobitArgs,
 };
 
 use crate::convert::Stored;

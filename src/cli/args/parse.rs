@@ -22,6 +22,29 @@ pub(super) fn parse_bits(s: &str) -> Result<u8, String> {
     s.parse().ok().filter(|n| [1, 2, 4, 8].contains(n)).ok_or_else(|| "wants 1, 2, 4 or 8".into())
 }
 
+/// A number of levels; 0: as many as there are.
+pub(super) fn parse_levels(s: &str) -> Result<u8, String> {
+    match s {
+        "auto" => Ok(0),
+        n => {
+            n.parse().ok().filter(|n| (1..=22).contains(n)).ok_or_else(|| "wants a number from 1 to 22, or auto".into())
+        }
+    }
+}
+
+/// A number of bytes, with K, M, G or T for powers of 1024.
+pub(super) fn parse_bytes(s: &str) -> Result<u64, String> {
+    let upper = s.trim().to_ascii_uppercase();
+    let digits = upper.trim_end_matches("IB").trim_end_matches('B');
+    let (number, shift) = match digits.char_indices().last() {
+        Some((at, unit)) if "KMGT".contains(unit) => (&digits[..at], 10 * (1 + "KMGT".find(unit).unwrap_or(0))),
+        _ => (digits, 0),
+    };
+    let bytes = number.trim().parse::<f64>().ok().map(|v| v * (1u64 << shift) as f64);
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked")]
+    bytes.filter(|b| *b >= 1.0 && *b < 1e18).map(|b| b as u64).ok_or_else(|| "wants bytes, as 500M or 2G".into())
+}
+
 /// A ratio in millionths.
 pub(super) fn parse_keep(s: &str) -> Result<u32, String> {
     let (number, unit) = s.strip_suffix('%').map_or((s, 1e6), |percent| (percent, 1e4));

@@ -1,13 +1,15 @@
 //! `vug encode`: a foreign volume becomes a `.vug` file.
 
 use crate::cli::args::{
-    CodecArg, Encode, EndpointsArg, Import, NanArg, NormArg, StreamArg, ThresholdArg, TrainingArg, ZerobitArgs,
+    CodecArg, DownsampleArg, Encode, EndpointsArg, Import, NanArg, NormArg, StreamArg, ThresholdArg, TrainingArg,
+    ZerobitArgs,
 };
 use crate::cli::load::{check_import, import_options, load};
 use crate::cli::output::{Verdict, bytes_text, number, progress, psnr_text};
 use crate::codec::s3dc::Endpoints;
 use crate::codec::zerobit;
-use crate::convert::{self, Format, Kind};
+use crate::container::Downsample;
+use crate::convert::{self, Format, ImportOptions, Kind};
 use crate::error::{Error, Result};
 use crate::geometry::Extent;
 use crate::source::AtomicFile;
@@ -21,16 +23,26 @@ const DEFAULT_KEEP: u32 = 30_000;
 
 pub(super) fn run(args: &Encode) -> Result<Verdict> {
     check(args)?;
-    let mut source = convert::import(&args.source, &import_options(&args.source, &args.import)?)?;
+    let import = import_options(&args.source, &args.import)?;
+    let import = ImportOptions { memory: args.memory / 2, temp_dir: args.temp_dir.clone(), ..import };
+    let mut source = convert::import(&args.source, &import)?;
     let mut options = options(args);
     if args.codec.is_none() && !is_zerobit(args) && source.reader.sample_type() == SampleType::Rgb8 {
         options.codec = CodecChoice::Auto; // s3dc is for scalars
+    }
+    let labels = args.labels || (source.labels && args.codec.is_none() && !is_zerobit(args) && !has_bound(args));
+    if labels {
+        (options.codec, options.downsample) = (CodecChoice::Raw, Downsample::Nearest);
+    }
+    if let Some(operator) = args.downsample {
+        options.downsample = downsample(operator);
     }
     if let Some(mask) = &args.select {
         options.selection = Some(Selection::from_mask(&mut load(mask, &of_mask(mask, source.reader.extent()))?.grid)?);
     }
     options.placement = source.placement.clone();
     options.value_map = source.value_map;
+    options.times = source.times.clone();
     options.meta = Some(meta(args, &source.header));
     let (extent, sample_type) = (source.reader.extent(), source.reader.sample_type());
     let mut file = AtomicFile::create(&args.target, args.force)?;
@@ -50,6 +62,11 @@ pub(super) fn run(args: &Encode) -> Result<Verdict> {
         println!("{} → {}", args.source.display(), args.target.display());
         println!("volume      {extent} {sample_type} (x, y, z)");
         print!("{}", report_text(&report));
+    }
+    if labels && !args.labels && !args.common.quiet {
+        eprintln!(
+            "note: the source says that it holds labels: stored without loss, coarser levels by the nearest voxel"
+        );
     }
     for note in report.notes.iter().filter(|_| !args.common.quiet) {
         eprintln!("note: {note}");
@@ -84,11 +101,36 @@ fn check(args: &Encode) -> Result<()> {
             "zerobit has no index bits, blocks or end points; leave them out, or use s3dc",
         ));
     }
+    if args.labels
+        && (matches!(args.codec, Some(codec) if codec != CodecArg::Raw)
+            || is_zerobit(args)
+            || s3dc_only
+            || has_bound(args))
+    {
+        return Err(Error::param("labels", "labels are stored without loss: leave out codec, quality and end points"));
+    }
+    if args.downsample.is_some() && args.levels == 1 {
+        return Err(Error::param("downsample", "there is one level only; ask for more (--levels auto)"));
+    }
     if has_zerobit_options(&args.zerobit) && !is_zerobit(args) {
         let message = "--keep, --threshold, --norm, --training, --codebook-region and --stream are for --codec zerobit";
         return Err(Error::param("codec", message));
     }
     check_import(&[&args.source], &args.import)
+}
+
+/// Whether errors are bounded, or the rate is.
+fn has_bound(args: &Encode) -> bool {
+    args.max_error.is_some() || args.psnr.is_some() || args.rate.is_some()
+}
+
+fn downsample(operator: DownsampleArg) -> Downsample {
+    match operator {
+        DownsampleArg::Mean => Downsample::Mean,
+        DownsampleArg::Min => Downsample::Min,
+        DownsampleArg::Max => Downsample::Max,
+        DownsampleArg::Nearest => Downsample::Nearest,
+    }
 }
 
 fn has_zerobit_options(z: &ZerobitArgs) -> bool {
@@ -156,6 +198,8 @@ fn options(args: &Encode) -> EncodeOptions {
             NanArg::Null => NonFinite::Null,
         },
         null_value: args.null_value,
+        memory: args.memory,
+        temp_dir: args.temp_dir.clone(),
         file_id: args.file_id,
         ..EncodeOptions::default()
     }

@@ -86,6 +86,7 @@ fn describe(volume: &Volume, bricks: &BrickCounts) -> Result<Value> {
         "codecs": parameters,
         "codebooks": section.map_or(0, |s| s.item_count),
         "levels": d.lod_count,
+        "downsample": if d.lod_count > 1 { json!(d.downsample.name()) } else { Value::Null },
         "level_dims": volume.levels().map(|e| e.to_array()).collect::<Vec<_>>(),
         "spacing": if p.spacing_unknown { Value::Null } else { json!(p.spacing()) },
         "unit": p.unit.name(),
