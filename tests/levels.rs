@@ -121,6 +121,13 @@ fn every_level_of_every_operator_is_exact() {
     }
 }
 
+/// A row of bricks is 100×16×16 voxels; six of them are a slab. Its bytes, and memory that does not hold a slab.
+fn little(t: SampleType) -> (usize, usize) {
+    let row = 100 * 16 * 16 * t.bytes();
+    // Bricks in work come on top: ten times their samples for each thread.
+    (row, row * 6 + 10 * rayon::current_num_threads() * 16 * 16 * 16 * t.bytes())
+}
+
 /// The same bytes from memory, from a file and from a pipe, with memory and without.
 fn nothing_shows(make: impl Fn() -> Grid, codec: CodecChoice, downsample: Downsample) {
     let options = options(codec, downsample);
@@ -128,10 +135,7 @@ fn nothing_shows(make: impl Fn() -> Grid, codec: CodecChoice, downsample: Downsa
     assert!(notes.iter().all(|n| !n.contains("temporary")), "{notes:?}");
     let errors = verify(&bytes);
     assert!(errors.is_empty(), "{codec:?} {downsample:?}: {errors:?}");
-    // A row of bricks is 100×16×16 voxels; six of them are a slab.
-    let row = 100 * 16 * 16 * make().sample_type().bytes();
-    // Bricks in work come on top: ten times their samples for each thread.
-    let little = row * 6 + 10 * rayon::current_num_threads() * 16 * 16 * 16 * make().sample_type().bytes();
+    let (row, little) = little(make().sample_type());
     for (sequential, memory) in [(false, 1 << 30), (true, 1 << 30), (false, little), (true, little)] {
         let options = EncodeOptions { memory: memory as u64, ..options.clone() };
         let mut source = Source::new(make(), sequential);
@@ -178,7 +182,7 @@ fn memory_that_does_not_hold_a_row_of_bricks_is_an_error_that_says_so() {
 #[test]
 fn a_folder_that_is_not_there_is_an_error_that_names_it() {
     let temp_dir = Some("/nowhere/at/all".into());
-    let options = EncodeOptions { memory: 500_000, temp_dir, ..options(CodecChoice::Raw, Downsample::Mean) };
+    let options = EncodeOptions { memory: little(SampleType::U8).1 as u64, temp_dir, ..options(CodecChoice::Raw, Downsample::Mean) };
     let mut file = std::io::Cursor::new(Vec::new());
     let error =
         vug::volume::encode(&mut Source::new(grid(blobs), false), &mut file, &options, &mut |_, _| {}).unwrap_err();

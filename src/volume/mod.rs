@@ -70,6 +70,7 @@ mod selection;
 mod shortcut;
 mod slabs;
 mod spool;
+mod times;
 mod verify;
 mod voxels;
 mod writer;
