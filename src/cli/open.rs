@@ -2,12 +2,16 @@
 
 use crate::error::Result;
 use crate::limits::Limits;
-use crate::source::{ByteSource, FileSource};
+use crate::source::{ByteSource, FileSource, is_url, open_url};
 use crate::volume::Volume;
 use std::path::Path;
 
-/// Opens the bytes of a file.
+/// Opens the bytes of a file, or of an address.
 pub(super) fn open_source(path: &Path) -> Result<Box<dyn ByteSource>> {
+    // A local file of such a name would have an empty folder name in its path.
+    if let Some(url) = path.to_str().filter(|text| is_url(text)) {
+        return open_url(url);
+    }
     Ok(Box::new(FileSource::open(path)?))
 }
 

@@ -1,16 +1,25 @@
-//! Where bytes come from and go to: memory, files, memory maps; and files that appear whole or not at all.
+//! Where bytes come from and go to: memory, files, memory maps, web servers, object stores; and files that appear whole or
+//! not at all.
 //!
 //! A source knows nothing of the format. The container says which range it wants; a source delivers it.
 
 mod atomic;
 mod file;
+#[cfg(feature = "http")]
+mod http;
 mod memory;
 mod mmap;
+mod parallel;
+mod url;
 
 pub use atomic::AtomicFile;
 pub use file::FileSource;
+#[cfg(feature = "http")]
+pub use http::{HttpOptions, HttpSource, Stopper};
 pub use memory::MemorySource;
 pub use mmap::MmapSource;
+pub(crate) use parallel::side_by_side;
+pub use url::{is_url, open_url};
 
 use crate::error::{Code, Error, Result};
 
@@ -34,6 +43,29 @@ pub trait ByteSource: Send + Sync {
     fn as_slice(&self) -> Option<&[u8]> {
         None
     }
+
+    /// Fills every part from its byte offset on; where the source is far away, several at the same time.
+    ///
+    /// # Errors
+    /// As [`ByteSource::read_at`], for a part that failed; what the others then hold is not said.
+    fn read_many(&self, parts: &mut [(u64, &mut [u8])]) -> Result<()> {
+        side_by_side(self.connections(), parts.iter_mut(), |(offset, out)| self.read_at(*offset, out))
+    }
+
+    /// As [`ByteSource::read_at`], but from where the bytes really are, never from what the source has kept of them:
+    /// this is how a file that was replaced is found out.
+    ///
+    /// # Errors
+    /// As [`ByteSource::read_at`]; `E_REPLACED` where the source itself sees that the file is another one.
+    fn read_fresh(&self, offset: u64, out: &mut [u8]) -> Result<()> {
+        self.read_at(offset, out)
+    }
+
+    /// How many ranges are best asked for at the same time. More than one says that waiting is most of the work: readers
+    /// then fetch ahead while they decode.
+    fn connections(&self) -> usize {
+        1
+    }
 }
 
 impl<S: ByteSource + ?Sized> ByteSource for Box<S> {
@@ -45,6 +77,15 @@ impl<S: ByteSource + ?Sized> ByteSource for Box<S> {
     }
     fn as_slice(&self) -> Option<&[u8]> {
         (**self).as_slice()
+    }
+    fn read_many(&self, parts: &mut [(u64, &mut [u8])]) -> Result<()> {
+        (**self).read_many(parts)
+    }
+    fn read_fresh(&self, offset: u64, out: &mut [u8]) -> Result<()> {
+        (**self).read_fresh(offset, out)
+    }
+    fn connections(&self) -> usize {
+        (**self).connections()
     }
 }
 
