@@ -118,9 +118,9 @@ fn npy_colours() {
     assert_eq!(load(&path, &ImportOptions::default()).unwrap().0.extent().to_array(), [3, 4, 2]);
     let rgb = ImportOptions { dtype: Some(SampleType::Rgb8), ..ImportOptions::default() };
     assert_eq!(load(&path, &rgb).unwrap().0.extent().to_array(), [4, 2, 1]);
-    write("(2, 1, 4, 4)", "False", 32);
+    write("(2, 1, 4, 4, 1, 1)", "False", 32);
     let e = load(&path, &ImportOptions::default()).err().unwrap();
-    assert!(e.code() == Code::Unsupported && e.message().contains("[2, 1, 4, 4]"), "{e}");
+    assert!(e.code() == Code::Unsupported && e.message().contains("[2, 1, 4, 4, 1, 1]"), "{e}");
 }
 
 #[test]

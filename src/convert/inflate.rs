@@ -1,12 +1,12 @@
 //! gzip and bzip2: unpacks exactly the bytes that a header promises, never more.
 //!
-//! The promised size is checked against the limit and against what the packed bytes can possibly hold. The memory is then
-//! taken zeroed in one piece: the operating system hands out its pages only as data really arrives, so a stream that ends
-//! early has cost no more than it delivered. One byte is asked for beyond the end, so that a surplus is an error.
+//! The promised size is checked against the limit and against what the packed bytes can possibly hold; a stream that ends
+//! early costs no more than it delivered. One byte is asked for beyond the end, so that a surplus is an error.
 
-use super::fault;
-use crate::error::{Code, Error, Result};
-use crate::grid::AlignedBytes;
+use super::payload::Bytes;
+use super::spool::Spool;
+use super::{ImportOptions, fault};
+use crate::error::{Error, Result};
 use bzip2::read::MultiBzDecoder;
 use flate2::read::MultiGzDecoder;
 use std::fs::File;
@@ -91,25 +91,19 @@ impl Packed<'_> {
         Ok(self.packing.reader(file))
     }
 
-    /// Unpacks the `wanted` bytes that the header promises.
+    /// Unpacks the `wanted` bytes that the header promises, into memory or into a temporary file.
     ///
     /// # Errors
-    /// `E_LIMIT` above `max_bytes`; `E_FOREIGN` where the stream is damaged or holds fewer or more bytes.
-    pub(super) fn unpack(&self, skip: Skip, wanted: u64, max_bytes: u64) -> Result<AlignedBytes> {
-        let too_large = |max: u64| {
-            let message = format!("{}: {wanted} unpacked bytes are above the limit of {max}", self.path.display());
-            Error::new(Code::Limit, "sizes", message)
-        };
-        if wanted > max_bytes {
-            return Err(too_large(max_bytes));
-        }
+    /// `E_LIMIT` above the caller's limit; `E_FOREIGN` where the stream is damaged or holds fewer or more bytes;
+    /// `E_SOURCE` where there is no room for a temporary file.
+    pub(super) fn unpack(&self, skip: Skip, wanted: u64, options: &ImportOptions) -> Result<Bytes> {
         let packed = self.len.saturating_sub(self.start);
-        if wanted > packed.saturating_mul(self.packing.max_ratio()) {
+        if wanted <= options.max_bytes && wanted > packed.saturating_mul(self.packing.max_ratio()) {
             let name = self.packing.name();
             let message = format!("{packed} bytes of {name} cannot hold the {wanted} bytes that the header promises");
             return Err(fault::foreign(self.path, "sizes", message));
         }
-        let mut memory = AlignedBytes::zeroed(usize::try_from(wanted).map_err(|_| too_large(usize::MAX as u64))?)?;
+        let mut spool = Spool::new(self.path, wanted, options)?;
         // Both passes share one position in the file: the first has to be over before the second starts.
         let skip = match skip {
             Skip::First(n) => n,
@@ -118,8 +112,8 @@ impl Packed<'_> {
         let mut stream = self.rewound()?;
         let skipped =
             std::io::copy(&mut stream.by_ref().take(skip), &mut std::io::sink()).map_err(|e| self.damaged(e))?;
-        let filled = if skipped < skip { 0 } else { self.fill(&mut stream, memory.as_mut_slice())? };
-        if filled < memory.as_slice().len() {
+        let filled = if skipped < skip { 0 } else { spool.fill(|out| self.fill(&mut stream, out))? };
+        if filled < wanted {
             let message = format!("the header promises {wanted} bytes of samples, the data end after {filled}");
             return Err(fault::foreign(self.path, "data", message));
         }
@@ -127,7 +121,7 @@ impl Packed<'_> {
             let message = format!("the data go on after the {wanted} bytes of samples that the header promises");
             return Err(fault::foreign(self.path, "data", message));
         }
-        Ok(memory)
+        spool.finish(self.path)
     }
 
     /// Reads until `out` is full or the stream ends.
@@ -160,6 +154,7 @@ impl Packed<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::error::Code;
     use std::io::Write;
 
     fn packed(bytes: &[u8], packing: Packing) -> Vec<u8> {
@@ -181,7 +176,19 @@ mod tests {
         let mut file = tempfile::tempfile().unwrap();
         file.write_all(stream).unwrap();
         let packed = Packed { path: Path::new("f"), file, len: stream.len() as u64, start: 0, packing };
-        packed.unpack(skip, wanted, max).map(|b| b.as_slice().to_vec())
+        let unpack = |memory| {
+            let options = ImportOptions { max_bytes: max, memory, ..ImportOptions::default() };
+            let mut out = vec![0; usize::try_from(wanted).unwrap().min(stream.len() << 20)];
+            packed.unpack(skip, wanted, &options)?.read_at(0, &mut out).map(|()| out)
+        };
+        // A temporary file holds the same.
+        let (memory, file) = (unpack(u64::MAX), unpack(0));
+        match (&memory, &file) {
+            (Ok(a), Ok(b)) => assert!(a == b),
+            (Err(a), Err(b)) => assert_eq!((a.code(), a.message()), (b.code(), b.message())),
+            (a, b) => panic!("{a:?} {b:?}"),
+        }
+        memory
     }
 
     #[test]

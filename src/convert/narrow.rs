@@ -4,10 +4,10 @@
 //! type rounds floats half up and refuses values outside its range, naming the first one and where it lies.
 
 use super::fault;
+use super::layout::Layout;
 use super::payload::Bytes;
 use super::stored::{Kind, Scalar, Stored, with_scalar};
 use crate::error::{Error, Result};
-use crate::geometry::Extent;
 use crate::voxel::SampleType;
 use std::path::Path;
 
@@ -94,20 +94,17 @@ pub(super) fn choose(
     path: &Path,
     bytes: &mut Bytes,
     stored: Stored,
-    extent: Extent,
+    layout: &Layout,
     forced: Option<SampleType>,
 ) -> Result<SampleType> {
-    if forced.is_some_and(|t| (t == SampleType::Rgb8) != (stored.kind == Kind::Rgb8)) {
-        let message = format!("{}: holds {} samples; colours and scalars do not convert", path.display(), stored.kind);
-        return Err(Error::param("dtype", message));
-    }
+    check_forced(path, stored, forced)?;
     if let Some(native) = stored.kind.native().filter(|native| forced.is_none_or(|t| t == *native)) {
         return Ok(native);
     }
     let forced = forced.as_slice();
     let targets = if forced.is_empty() { candidates(stored.kind) } else { forced };
     let exact = forced.is_empty();
-    let samples = extent.voxels();
+    let samples = layout.samples();
     let mut found = with_scalar!(stored.kind, S => misfits::<S>(bytes, stored, samples, targets, exact)?, return Ok(SampleType::Rgb8));
     if let Some(i) = found.iter().position(Option::is_none) {
         return Ok(targets[i]);
@@ -115,8 +112,11 @@ pub(super) fn choose(
     let Some(Misfit { index, value }) = found.pop().flatten() else {
         return Err(Error::param("dtype", "no type to narrow to"));
     };
-    let (x, y) = (u64::from(extent.x), u64::from(extent.y));
-    let at = format!("at voxel ({}, {}, {})", index % x, index / x % y, index / x / y);
+    let ([x, y, z], time, channel) = layout.place_of(index);
+    let mut at = format!("at voxel ({x}, {y}, {z})");
+    if !layout.is_single() {
+        at += &format!(" of time step {time}, channel {channel}");
+    }
     let names = targets.iter().map(|t| t.name()).collect::<Vec<_>>().join(", ");
     let message = if exact {
         format!(
@@ -127,6 +127,18 @@ pub(super) fn choose(
         format!("{} value {value} {at} lies outside the range of {names}; choose another --dtype", stored.kind)
     };
     Err(fault::unsupported(path, "dtype", message))
+}
+
+/// Refuses to turn colours into scalars, or scalars into colours.
+///
+/// # Errors
+/// `E_PARAM`.
+pub(super) fn check_forced(path: &Path, stored: Stored, forced: Option<SampleType>) -> Result<()> {
+    if forced.is_none_or(|t| (t == SampleType::Rgb8) == (stored.kind == Kind::Rgb8)) {
+        return Ok(());
+    }
+    let message = format!("{}: holds {} samples; colours and scalars do not convert", path.display(), stored.kind);
+    Err(Error::param("dtype", message))
 }
 
 /// Converts samples that [`choose`] has accepted. `out` gets `target` samples in this machine's byte order.
@@ -154,6 +166,7 @@ fn convert_from<S: Scalar>(src: &[u8], swapped: bool, target: SampleType, out: &
 mod tests {
     use super::*;
     use crate::error::Code;
+    use crate::geometry::Extent;
     use crate::grid::AlignedBytes;
 
     fn narrow<S: bytemuck::Pod>(kind: Kind, values: &[S], forced: Option<SampleType>) -> Result<(SampleType, Vec<u8>)> {
@@ -161,8 +174,9 @@ mod tests {
         let mut memory = AlignedBytes::zeroed(raw.len())?;
         memory.as_mut_slice().copy_from_slice(raw);
         let stored = Stored { kind, big_endian: cfg!(target_endian = "big") };
-        let extent = Extent::new(values.len() as u32, 1, 1);
-        let target = choose(Path::new("file"), &mut Bytes::Memory(memory), stored, extent, forced)?;
+        let path = Path::new("file");
+        let layout = Layout::single(path, "", Extent::new(values.len() as u32, 1, 1), kind)?;
+        let target = choose(path, &mut Bytes::Memory(memory), stored, &layout, forced)?;
         let mut out = vec![0; values.len() * target.bytes()];
         convert(stored, raw, target, &mut out);
         Ok((target, out))

@@ -3,15 +3,17 @@
 //! The header is read by a small parser of our own. The crate `npyz` multiplies the axes of the shape without checking and
 //! recurses on nested brackets, so that a hostile header overflows; it judges this module in the tests instead.
 
+use super::layout::{Layout, Role};
 use super::payload::{self, Bytes, Payload};
 use super::stored::{Kind, Stored};
-use super::{Format, Import, ImportOptions, fault};
-use crate::affine::{Placement, ValueMap};
+use super::{Format, Import, ImportOptions, Probe, fault};
+use crate::affine::ValueMap;
 use crate::error::Result;
 use crate::geometry::Extent;
 use crate::grid::Grid;
 use crate::voxel::SampleType;
 use serde_json::json;
+use std::fs::File;
 use std::io::{Read, Write};
 use std::path::Path;
 
@@ -27,9 +29,24 @@ struct Header {
     shape: Vec<u64>,
 }
 
-/// Opens an array. C order is (z, y, x), Fortran order (x, y, z): x is fastest in memory either way. A last (Fortran:
-/// first) axis of three u8 behind three others is red, green, blue.
+/// Opens an array. C order is (z, y, x), (time, z, y, x) or (time, channel, z, y, x), Fortran order the other way round: x is
+/// fastest in memory either way. An axis of three u8 behind (Fortran: before) three or more others is red, green, blue.
 pub(super) fn import(path: &Path, options: &ImportOptions) -> Result<Import> {
+    let (probe, stored, file, start) = open(path, options)?;
+    let payload = Payload {
+        bytes: Bytes::File { file, path: path.to_owned(), start, spooled: 0 },
+        stored,
+        layout: probe.layout,
+    };
+    Ok(Import::plain(payload.open(path, options.dtype)?, Format::Npy, json!({ "format": "npy" })))
+}
+
+/// What the header says of the samples.
+pub(super) fn probe(path: &Path, options: &ImportOptions) -> Result<Probe> {
+    open(path, options).map(|(probe, ..)| probe)
+}
+
+fn open(path: &Path, options: &ImportOptions) -> Result<(Probe, Stored, File, u64)> {
     let (mut file, len) = payload::open(path)?;
     let (text, start) = read_header(path, &mut file, len)?;
     let header = parse(&text).map_err(|message| fault::foreign(path, "header", message))?;
@@ -38,38 +55,33 @@ pub(super) fn import(path: &Path, options: &ImportOptions) -> Result<Import> {
     if !header.fortran_order {
         axes.reverse();
     }
-    let rgb_wanted = axes.len() == 4 || options.dtype == Some(SampleType::Rgb8);
+    let rgb_wanted = axes.len() >= 4 || options.dtype == Some(SampleType::Rgb8);
     if stored.kind == Kind::U8 && rgb_wanted && axes.first() == Some(&3) {
         stored.kind = Kind::Rgb8;
         axes.remove(0);
     }
-    if axes.len() > 3 {
-        let message = format!(
-            "shape {:?} of {}: arrays of more than three axes (time, vectors) come in a later version; save a 3D part, \
-             or (z, y, x, 3) of uint8 for colours",
-            header.shape, stored.kind
-        );
-        return Err(fault::unsupported(path, "shape", message));
+    let refuse = |what: &str| {
+        Err(fault::unsupported(path, "shape", format!("shape {:?} of {}: {what}", header.shape, stored.kind)))
+    };
+    // So few samples along the fastest axis of so many are values of a voxel, and none along x.
+    if axes.len() > 3 && (2..=4).contains(&axes[0]) && axes[1..].iter().all(|n| *n > 8) {
+        return refuse("vectors come first: save them as (time, channel, z, y, x), with numpy.moveaxis(a, -1, 0)[None]");
     }
-    let extent = payload::extent_of(path, "shape", &axes)?;
-    let expected = payload::byte_len(path, "shape", extent, stored.kind)?;
-    let found = len - start;
+    let (space, series) = axes.split_at(axes.len().min(3));
+    let mut roles: Vec<(Role, u64)> = space.iter().enumerate().map(|(i, n)| (Role::Space(i), *n)).collect();
+    match *series {
+        [] => {}
+        [time] => roles.push((Role::Time, time)),
+        [channels, time] => roles.extend([(Role::Channel, channels), (Role::Time, time)]),
+        _ => return refuse("arrays of more than space, channels and time come in a later version"),
+    }
+    let layout = Layout::new(path, "shape", &roles, stored.kind)?;
+    let (expected, found) = (layout.bytes(stored.kind), len - start);
     if found != expected {
         let message = format!("shape {:?} needs {expected} bytes of samples, the file has {found}", header.shape);
         return Err(fault::foreign(path, "shape", message));
     }
-    let payload = Payload { bytes: Bytes::File { file, path: path.to_owned(), start }, stored, extent };
-    let (reader, streamed) = payload.open(path, options.dtype)?;
-    Ok(Import {
-        times: None,
-        labels: false,
-        reader,
-        placement: Placement::default(),
-        value_map: ValueMap::default(),
-        header: json!({ "format": "npy" }),
-        format: Format::Npy,
-        streamed,
-    })
+    Ok((Probe { kind: stored.kind, layout, value_map: ValueMap::default() }, stored, file, start))
 }
 
 /// The header's text, and where the samples start.

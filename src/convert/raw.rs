@@ -1,15 +1,35 @@
-//! Raw files: samples alone, x fastest; shape and type come from the caller.
+//! Raw files: samples alone, x fastest, then y, z, channels and time; shape and type come from the caller.
 
+use super::layout::Layout;
 use super::payload::{self, Bytes, Payload};
 use super::stored::{Kind, Stored};
-use super::{Format, Import, ImportOptions};
-use crate::affine::{Placement, ValueMap};
+use super::{Format, Import, ImportOptions, Probe, pipe};
+use crate::affine::ValueMap;
 use crate::error::{Code, Error, Result};
 use serde_json::json;
 use std::path::Path;
 
-/// Opens a raw file, whose length must be exactly that of shape and type.
+/// Opens a raw file, whose length must be exactly that of shape and type, or a pipe, which must deliver exactly that.
 pub(super) fn import(path: &Path, options: &ImportOptions) -> Result<Import> {
+    let (stored, layout) = shape(path, options)?;
+    if pipe::is_pipe(path) {
+        return pipe::import(path, stored, layout, options);
+    }
+    let (file, found) = payload::open(path)?;
+    check_len(path, stored, &layout, found)?;
+    let bytes = Bytes::File { file, path: path.to_owned(), start: 0, spooled: 0 };
+    let opened = Payload { bytes, stored, layout }.open(path, options.dtype)?;
+    Ok(Import::plain(opened, Format::Raw, json!({ "format": "raw" })))
+}
+
+/// What the caller says of the samples, and the file's length allows.
+pub(super) fn probe(path: &Path, options: &ImportOptions) -> Result<Probe> {
+    let (stored, layout) = shape(path, options)?;
+    check_len(path, stored, &layout, payload::open(path)?.1)?;
+    Ok(Probe { kind: stored.kind, layout, value_map: ValueMap::default() })
+}
+
+fn shape(path: &Path, options: &ImportOptions) -> Result<(Stored, Layout)> {
     let missing = |field, how: &str| Error::param(field, format!("{}: a raw file needs {how}", path.display()));
     let extent = options.shape.ok_or_else(|| missing("shape", "its size: --shape X,Y,Z (x fastest)"))?;
     let stored = options
@@ -17,26 +37,20 @@ pub(super) fn import(path: &Path, options: &ImportOptions) -> Result<Import> {
         .or_else(|| options.dtype.map(|t| Stored::from(Kind::from(t))))
         .ok_or_else(|| missing("dtype", "its type: --dtype u8, u16, i16, f32, rgb8, ..."))?;
     extent.check()?;
-    let expected = payload::byte_len(path, "shape", extent, stored.kind)?;
-    let (file, found) = payload::open(path)?;
-    if found != expected {
-        let message = format!(
-            "{}: {extent} voxels of {} are {expected} bytes, the file has {found}; check --shape and --dtype",
-            path.display(),
-            stored.kind
-        );
-        return Err(Error::new(Code::Size, "shape", message));
+    let series = (options.time_steps.unwrap_or(1), options.channels.unwrap_or(1));
+    Ok((stored, Layout::series(path, "shape", extent, series, stored.kind)?))
+}
+
+fn check_len(path: &Path, stored: Stored, layout: &Layout, found: u64) -> Result<()> {
+    let expected = layout.bytes(stored.kind);
+    if found == expected {
+        return Ok(());
     }
-    let payload = Payload { bytes: Bytes::File { file, path: path.to_owned(), start: 0 }, stored, extent };
-    let (reader, streamed) = payload.open(path, options.dtype)?;
-    Ok(Import {
-        times: None,
-        labels: false,
-        reader,
-        placement: Placement::default(),
-        value_map: ValueMap::default(),
-        header: json!({ "format": "raw" }),
-        format: Format::Raw,
-        streamed,
-    })
+    let message = format!(
+        "{}: {} voxels of {} are {expected} bytes, the file has {found}; check --shape, --dtype, --time-steps and --channels",
+        path.display(),
+        layout.text(),
+        stored.kind
+    );
+    Err(Error::new(Code::Size, "shape", message))
 }

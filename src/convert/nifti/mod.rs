@@ -8,24 +8,69 @@ mod header;
 mod kept;
 mod nifti1;
 mod nifti2;
+mod times;
 mod write;
 
 pub(super) use write::{Part, write};
 
 use super::inflate::{Packed, Packing, Skip};
+use super::layout::{Layout, Role};
 use super::payload::{self, Bytes, Payload};
 use super::stored::{Kind, Stored};
-use super::{Format, Import, ImportOptions, fault};
+use super::{Format, Import, ImportOptions, Probe, fault};
 use crate::affine::ValueMap;
 use crate::error::Result;
-use crate::geometry::Extent;
 use header::Header;
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
+/// `intent_code` of images whose numbers are an index into a list of labels (nifti1.h).
+const INTENT_LABEL: i32 = 1002;
+/// The same, for a list of names of the brain's parts.
+const INTENT_NEURONAME: i32 = 1005;
+
 /// Opens a NIfTI file, or a pair by the name of either half.
 pub(super) fn import(path: &Path, options: &ImportOptions) -> Result<Import> {
+    let (header, header_path, data_path) = find(path)?;
+    let path = header_path.as_path();
+    let Probe { kind, layout, value_map } = understand(path, &header)?;
+    let stored = Stored { kind, big_endian: header.big_endian };
+    let placement = geometry::read(path, &header)?;
+    let expected = layout.bytes(kind);
+    let start = data_start(path, &header)?;
+
+    let data_path = data_path.as_path();
+    let (mut file, len) = payload::open(data_path)?;
+    let bytes = if is_gzip(data_path, &mut file)? {
+        let packed = Packed { path: data_path, file, len, start: 0, packing: Packing::Gzip };
+        packed.unpack(Skip::First(start), expected, options)?
+    } else {
+        let found = len.saturating_sub(start);
+        if found != expected {
+            let message = format!("dim needs {expected} bytes of samples from byte {start} on, the file has {found}");
+            return Err(fault::foreign(data_path, "dim", message));
+        }
+        Bytes::File { file, path: data_path.to_owned(), start, spooled: 0 }
+    };
+    let opened = Payload { bytes, stored, layout }.open(data_path, options.dtype)?;
+    Ok(Import {
+        placement,
+        times: times::read(&header, layout.time_steps),
+        labels: matches!(header.intent_code, INTENT_LABEL | INTENT_NEURONAME),
+        value_map,
+        ..Import::plain(opened, Format::Nifti, kept::to_json(&header))
+    })
+}
+
+/// What the header says of the samples.
+pub(super) fn probe(path: &Path) -> Result<Probe> {
+    let (header, path, _) = find(path)?;
+    understand(&path, &header)
+}
+
+/// The header, and the files that it and the data lie in, which are there.
+fn find(path: &Path) -> Result<(Header, PathBuf, PathBuf)> {
     let (header_path, data_path) = halves(path)?;
     let header = header::parse(&header_path, &head(&header_path)?)?;
     let path = header_path.as_path();
@@ -38,36 +83,15 @@ pub(super) fn import(path: &Path, options: &ImportOptions) -> Result<Import> {
         let message = format!("the image {} that this header describes is not there", data_path.display());
         return Err(fault::foreign(path, "data", message));
     }
-    let extent = extent(path, &header)?;
-    let stored = Stored { kind: kind(path, &header)?, big_endian: header.big_endian };
-    let placement = geometry::read(path, &header)?;
-    let value_map = value_map(path, &header, stored.kind)?;
-    let expected = payload::byte_len(path, "dim", extent, stored.kind)?;
-    let start = data_start(path, &header)?;
+    let data_path = data_path.to_owned();
+    Ok((header, header_path, data_path))
+}
 
-    let (mut file, len) = payload::open(data_path)?;
-    let bytes = if is_gzip(data_path, &mut file)? {
-        let packed = Packed { path: data_path, file, len, start: 0, packing: Packing::Gzip };
-        Bytes::Memory(packed.unpack(Skip::First(start), expected, options.max_bytes)?)
-    } else {
-        let found = len.saturating_sub(start);
-        if found != expected {
-            let message = format!("dim needs {expected} bytes of samples from byte {start} on, the file has {found}");
-            return Err(fault::foreign(data_path, "dim", message));
-        }
-        Bytes::File { file, path: data_path.to_owned(), start }
-    };
-    let (reader, streamed) = Payload { bytes, stored, extent }.open(data_path, options.dtype)?;
-    Ok(Import {
-        reader,
-        placement,
-        times: None,
-        labels: false,
-        value_map,
-        header: kept::to_json(&header),
-        format: Format::Nifti,
-        streamed,
-    })
+/// Shape, type and value map.
+fn understand(path: &Path, header: &Header) -> Result<Probe> {
+    let axes = axes(path, header)?;
+    let kind = kind(path, header)?;
+    Ok(Probe { kind, layout: Layout::new(path, "dim", &axes, kind)?, value_map: value_map(path, header, kind)? })
 }
 
 /// The files that hold header and data; the second is `None` where one file holds both.
@@ -122,8 +146,9 @@ fn head(path: &Path) -> Result<Vec<u8>> {
     Ok(head)
 }
 
-/// Voxels per axis, from `dim`.
-fn extent(path: &Path, header: &Header) -> Result<Extent> {
+/// The axes of `dim`: x, y, z, time, and the values of a voxel, which are channels.
+fn axes(path: &Path, header: &Header) -> Result<Vec<(Role, u64)>> {
+    const ROLES: [Role; 5] = [Role::Space(0), Role::Space(1), Role::Space(2), Role::Time, Role::Channel];
     let n = header.dim[0];
     let n = usize::try_from(n).ok().filter(|n| (1..=7).contains(n));
     let n = n.ok_or_else(|| fault::foreign(path, "dim[0]", format!("{} is not from 1 to 7", header.dim[0])))?;
@@ -133,17 +158,12 @@ fn extent(path: &Path, header: &Header) -> Result<Extent> {
         let message = || format!("{size} voxels; every axis needs at least one");
         sizes.push(positive.ok_or_else(|| fault::foreign(path, format!("dim[{}]", i + 1), message()))?);
     }
-    if sizes.iter().skip(3).any(|s| *s > 1) {
+    if sizes.iter().skip(ROLES.len()).any(|s| *s > 1) {
         let text = sizes.iter().map(u64::to_string).collect::<Vec<_>>().join("×");
-        let what = if sizes.get(3).is_some_and(|t| *t > 1) {
-            "time series come in a later version; extract one time step"
-        } else {
-            "several values per voxel (vectors, matrices) come in a later version"
-        };
-        return Err(fault::unsupported(path, "dim", format!("{text}: {what}")));
+        let message = format!("{text}: arrays of more than space, time and one axis of values come in a later version");
+        return Err(fault::unsupported(path, "dim", message));
     }
-    sizes.truncate(3);
-    payload::extent_of(path, "dim", &sizes)
+    Ok(ROLES.into_iter().zip(sizes).collect())
 }
 
 /// The sample type that `datatype` stands for.

@@ -1,11 +1,12 @@
-//! Which axes of the array are x, y, z, and whether a voxel is a number or a colour.
+//! Which axes of the array are x, y, z, which are time and channels, and whether a voxel is a number or a colour.
 
 use super::fields;
 use super::header::Header;
+use super::times::is_time_list;
+use crate::convert::fault;
+use crate::convert::layout::{Layout, Role};
 use crate::convert::stored::Kind;
-use crate::convert::{fault, payload};
 use crate::error::Result;
-use crate::geometry::Extent;
 use crate::voxel::SampleType;
 use std::path::Path;
 
@@ -17,27 +18,54 @@ const MAX_DIMENSION: usize = 16;
 pub(super) struct Axes {
     /// Type of a voxel.
     pub kind: Kind,
-    /// Voxels per axis.
-    pub extent: Extent,
+    /// Where each sample lies.
+    pub layout: Layout,
     /// Array axes that are x, y, z; fewer where the array has fewer.
     pub domain: Vec<usize>,
+    /// The array axis that is time.
+    pub time: Option<usize>,
     /// Number of array axes.
     pub dimension: usize,
 }
 
 /// Kinds of axis whose elements belong to one voxel.
-fn is_component(kind: &str) -> bool {
-    let word = kind.to_ascii_lowercase();
-    matches!(word.as_str(), "complex" | "quaternion" | "vector" | "covariant-vector" | "normal" | "gradient")
-        || word.ends_with("-vector")
-        || word.ends_with("-color")
-        || word.ends_with("-gradient")
-        || word.ends_with("-normal")
+fn is_component(word: &str) -> bool {
+    matches!(word, "complex" | "quaternion" | "vector" | "covariant-vector" | "normal" | "gradient" | "point")
+        || ["-vector", "-color", "-gradient", "-normal"].iter().any(|ending| word.ends_with(ending))
         || word.contains("-matrix")
+}
+
+/// How many elements an axis of this kind has; `None`: any number.
+pub(super) fn components(kind: &str) -> Option<u32> {
+    let word = kind.to_ascii_lowercase();
+    Some(match word.as_str() {
+        "complex" | "2-vector" => 2,
+        "quaternion" | "rgba-color" => 4,
+        "rgb-color" | "hsv-color" | "xyz-color" | "2d-symmetric-matrix" => 3,
+        "2d-masked-symmetric-matrix" | "2d-matrix" => 4,
+        "2d-masked-matrix" => 5,
+        "3d-symmetric-matrix" => 6,
+        "3d-masked-symmetric-matrix" => 7,
+        "3d-matrix" => 9,
+        "3d-masked-matrix" => 10,
+        _ => return word.split_once('-').and_then(|(number, _)| number.parse().ok()),
+    })
 }
 
 fn is_rgb(kind: &str) -> bool {
     kind.eq_ignore_ascii_case("RGB-color") || kind.eq_ignore_ascii_case("3-color")
+}
+
+/// What the word of a `kinds` field says of an axis; `None` where it says nothing.
+pub(super) fn role_of(kind: &str) -> Option<Role> {
+    match kind.to_ascii_lowercase().as_str() {
+        // Which of them is decided by their order.
+        "domain" | "space" => Some(Role::Space(0)),
+        "time" => Some(Role::Time),
+        "list" => Some(Role::Channel),
+        word if is_component(word) => Some(Role::Channel),
+        _ => None,
+    }
 }
 
 /// Sizes of all axes.
@@ -63,8 +91,11 @@ fn sizes(path: &Path, header: &Header) -> Result<Vec<u64>> {
 
 /// Understands `type`, `dimension`, `sizes` and `kinds`.
 ///
+/// Axes of time, lists, and values that belong to one voxel may lie anywhere among those of space. A list is one of
+/// channels, unless the header says that it is one of time.
+///
 /// # Errors
-/// `E_FOREIGN` for malformed fields; `E_UNSUPPORTED` for time, vectors, light fields.
+/// `E_FOREIGN` for malformed fields; `E_UNSUPPORTED` for more than five axes, or where nothing says what they are.
 pub(super) fn read(path: &Path, header: &Header, forced: Option<SampleType>) -> Result<Axes> {
     let type_text = header.get("type").ok_or_else(|| fault::foreign(path, "type", "the field is missing"))?;
     if type_text.eq_ignore_ascii_case("block") {
@@ -72,7 +103,7 @@ pub(super) fn read(path: &Path, header: &Header, forced: Option<SampleType>) -> 
     }
     let mut kind = fields::kind_of(type_text)
         .ok_or_else(|| fault::foreign(path, "type", format!("{type_text:.40?} is not a type of NRRD")))?;
-    let sizes = sizes(path, header)?;
+    let mut sizes = sizes(path, header)?;
     let dimension = sizes.len();
     let kinds: Option<Vec<&str>> = header.get("kinds").map(|k| k.split_whitespace().collect());
     if let Some(kinds) = kinds.as_ref().filter(|k| k.len() != dimension) {
@@ -80,57 +111,68 @@ pub(super) fn read(path: &Path, header: &Header, forced: Option<SampleType>) -> 
         return Err(fault::foreign(path, "kinds", message));
     }
     let kind_at = |axis: usize| kinds.as_ref().map_or("", |k| k[axis]);
+    let shape = sizes.iter().map(u64::to_string).collect::<Vec<_>>().join("×");
     let refuse = |what: &str| {
         let kinds = kinds.as_ref().map(|k| format!(" ({})", k.join(", "))).unwrap_or_default();
-        let sizes = sizes.iter().map(u64::to_string).collect::<Vec<_>>().join("×");
-        let message = format!("{sizes}{kinds} of {type_text}: {what}");
-        Err(fault::unsupported(path, "sizes", message))
+        Err(fault::unsupported(path, "sizes", format!("{shape}{kinds} of {type_text}: {what}")))
     };
 
-    let mut domain: Vec<usize> = (0..dimension).collect();
-    let rgb = sizes[0] == 3 && kind == Kind::U8 && (is_rgb(kind_at(0)) || forced == Some(SampleType::Rgb8));
-    if rgb {
-        kind = Kind::Rgb8;
-        domain.remove(0);
-        if domain.is_empty() {
-            return refuse("a colour without a volume");
-        }
-    } else if is_rgb(kind_at(0)) {
-        return refuse("colours of other types than three uint8 come in a later version");
-    } else if is_component(kind_at(0)) && sizes[0] > 1 {
-        return refuse("several values per voxel (vectors, matrices, complex numbers) come in a later version");
+    let placeless = placeless(header, dimension);
+    let mut roles: Vec<Role> = (0..dimension)
+        .map(|axis| match role_of(kind_at(axis)) {
+            Some(Role::Channel) if kind_at(axis).eq_ignore_ascii_case("list") && is_time_list(header, axis) => Role::Time,
+            Some(role) => role,
+            // An axis without a direction among others with one is not of space.
+            None if placeless.get(axis) == Some(&true) => Role::Channel,
+            None => Role::Space(0),
+        })
+        .collect();
+    let colour = sizes[0] == 3 && kind == Kind::U8 && (is_rgb(kind_at(0)) || forced == Some(SampleType::Rgb8));
+    if colour {
+        (kind, roles[0], sizes[0]) = (Kind::Rgb8, Role::Nothing, 1);
     }
+    for (role, size) in roles.iter_mut().zip(&sizes) {
+        if *size == 1 && matches!(role, Role::Time | Role::Channel) {
+            *role = Role::Nothing;
+        }
+    }
+    let mut domain: Vec<usize> = (0..dimension).filter(|a| matches!(roles[*a], Role::Space(_))).collect();
     // Axes of one sample say nothing: trailing ones first, then leading ones.
     while domain.len() > 3 && domain.last().is_some_and(|a| sizes[*a] == 1) {
-        domain.pop();
+        roles[domain.pop().expect("more than three")] = Role::Nothing;
     }
     while domain.len() > 3 && domain.first().is_some_and(|a| sizes[*a] == 1) {
-        domain.remove(0);
-    }
-    if let Some(axis) = domain.iter().find(|a| is_component(kind_at(**a)) && sizes[**a] > 1) {
-        return refuse(&format!("axis {axis} holds several values per voxel, which have to be the first axis"));
+        roles[domain.remove(0)] = Role::Nothing;
     }
     if domain.len() == 4 && sizes[0] == 3 && kind == Kind::U8 && kinds.is_none() {
         return refuse("no \"kinds\" field says whether the first axis is a colour; use --dtype rgb8 if it is");
     }
-    if domain.len() > 3 {
-        let of_kind = |kind: &str| domain.iter().filter(|a| kind_at(**a).eq_ignore_ascii_case(kind)).count();
-        let what = if of_kind("time") > 0 {
-            "time series come in a later version; extract one time step"
-        } else if domain.len() > 4 || of_kind("list") > 1 {
-            "light fields and other arrays of more than four axes come in a later version"
-        } else {
-            "four axes (time, channels) come in a later version; extract a 3D part"
-        };
-        return refuse(what);
+    if domain.len() > 3 && kinds.is_none() {
+        return refuse(
+            "no \"kinds\" field says which axes are time or channels; add one, such as \"kinds: domain domain domain time\"",
+        );
     }
-    if domain.iter().any(|a| kind_at(*a).eq_ignore_ascii_case("time") && sizes[*a] > 1) {
-        return refuse("an axis of time is not one of space; time series come in a later version");
+    let of_role = |role: Role| roles.iter().filter(|r| **r == role).count();
+    if domain.len() > 3 || of_role(Role::Time) > 1 || of_role(Role::Channel) > 1 {
+        return refuse("light fields and other arrays of more than space, time and channels come in a later version");
     }
-    let spatial: Vec<u64> = domain.iter().map(|a| sizes[*a]).collect();
-    let extent = payload::extent_of(path, "sizes", &spatial)?;
-    payload::byte_len(path, "sizes", extent, kind)?;
-    Ok(Axes { kind, extent, domain, dimension })
+    if domain.is_empty() {
+        return refuse("there is no axis of space; a kind such as \"domain\" marks one");
+    }
+    for (number, axis) in domain.iter().enumerate() {
+        roles[*axis] = Role::Space(number);
+    }
+    let axes: Vec<(Role, u64)> = roles.iter().copied().zip(sizes.iter().copied()).collect();
+    let layout = Layout::new(path, "sizes", &axes, kind)?;
+    let time = roles.iter().position(|r| *r == Role::Time);
+    Ok(Axes { kind, layout, domain, time, dimension })
+}
+
+/// Which axes `space directions` leaves out, where it leaves out some but not all.
+fn placeless(header: &Header, dimension: usize) -> Vec<bool> {
+    let vectors = header.get("spacedirections").and_then(fields::vectors).filter(|v| v.len() == dimension);
+    let none: Vec<bool> = vectors.unwrap_or_default().iter().map(Option::is_none).collect();
+    if none.contains(&false) { none } else { Vec::new() }
 }
 
 #[cfg(test)]
@@ -154,7 +196,8 @@ mod tests {
     fn shapes_that_are_volumes() {
         let ok = |t, s, k, forced| {
             let a = axes(t, s, k, forced).unwrap();
-            (a.kind, a.extent.to_array(), a.domain)
+            assert!(a.layout.is_single() && a.layout.is_dense());
+            (a.kind, a.layout.extent.to_array(), a.domain)
         };
         assert_eq!(ok("short", "4 5 6", "", None), (Kind::I16, [4, 5, 6], vec![0, 1, 2]));
         assert_eq!(ok("short", "4", "domain", None), (Kind::I16, [4, 1, 1], vec![0]));
@@ -170,23 +213,89 @@ mod tests {
     }
 
     #[test]
+    fn shapes_that_are_series() {
+        let ok = |t, s, k| {
+            let Axes { kind, layout: l, domain, time, .. } = axes(t, s, k, None).unwrap();
+            (kind, l.extent.to_array(), (l.time_steps, l.channels), (l.space[0], l.time, l.channel), domain, time)
+        };
+        let dense = [0, 1, 2];
+        assert_eq!(
+            ok("ushort", "4 5 6 7", "domain domain domain time"),
+            (Kind::U16, [4, 5, 6], (7, 1), (1, 120, 0), dense.to_vec(), Some(3))
+        );
+        assert_eq!(
+            ok("ushort", "4 5 7", "domain domain time"),
+            (Kind::U16, [4, 5, 1], (7, 1), (1, 20, 0), vec![0, 1], Some(2))
+        );
+        assert_eq!(
+            ok("short", "4 5 6 2", "space space space list"),
+            (Kind::I16, [4, 5, 6], (1, 2), (1, 0, 120), dense.to_vec(), None)
+        );
+        assert_eq!(
+            ok("float", "3 4 5 6", "vector domain domain domain"),
+            (Kind::F32, [4, 5, 6], (1, 3), (3, 0, 1), vec![1, 2, 3], None)
+        );
+        // A colour of anything but three bytes, the fastest, is channels.
+        assert_eq!(ok("float", "3 4 5 6", "RGB-color domain domain domain").2, (1, 3));
+        assert_eq!(ok("uchar", "4 4 5 6", "RGBA-color domain domain domain").2, (1, 4));
+        assert_eq!(ok("uchar", "4 5 6 3", "domain domain domain RGB-color").3, (1, 0, 120));
+        assert_eq!(
+            ok("uchar", "3 4 5 6 9", "RGB-color domain domain domain time"),
+            (Kind::Rgb8, [4, 5, 6], (9, 1), (1, 120, 0), vec![1, 2, 3], Some(4))
+        );
+        assert_eq!(
+            ok("short", "2 4 5 7 6", "3-vector domain domain time domain"),
+            (Kind::I16, [4, 5, 6], (7, 2), (2, 40, 1), vec![1, 2, 4], Some(3))
+        );
+    }
+
+    #[test]
+    fn what_is_not_said_by_kinds() {
+        let with = |kinds: &str, id: &str, value: &str| {
+            let mut header = Header::default();
+            let lines = [("type", "short"), ("dimension", "4"), ("sizes", "2 4 5 6"), ("kinds", kinds), (id, value)];
+            for (id, value) in lines.iter().filter(|(_, v)| !v.is_empty()) {
+                header.fields.push(Field { id: (*id).into(), name: (*id).into(), value: (*value).into() });
+            }
+            if id == "key" {
+                header.key_values.push(("axis 0 index values".into(), value.into()));
+            }
+            read(Path::new("f.nrrd"), &header, None).map(|a| (a.layout.time_steps, a.layout.channels))
+        };
+        let list = "list domain domain domain";
+        assert_eq!(with(list, "labels", "\"frame\" \"\" \"\" \"\"").unwrap(), (1, 2));
+        assert_eq!(with(list, "labels", "\"time\" \"\" \"\" \"\"").unwrap(), (2, 1));
+        assert_eq!(with(list, "units", "\"ms\" \"mm\" \"mm\" \"mm\"").unwrap(), (2, 1));
+        assert_eq!(with(list, "key", "0 1.5").unwrap(), (2, 1));
+        assert_eq!(with("", "spacedirections", "none (1,0,0) (0,1,0) (0,0,1)").unwrap(), (1, 2));
+        let e = with("", "spacings", "1 1 1 1").unwrap_err();
+        assert!(e.message().contains("kinds: domain domain domain time"), "{e}");
+    }
+
+    #[test]
     fn shapes_that_are_refused_by_name() {
         for (t, s, k, word) in [
-            ("float", "3 4 5 6", "vector domain domain domain", "vectors"),
-            ("float", "3 4 5 6", "RGB-color domain domain domain", "colours"),
-            ("ushort", "4 5 6 7", "domain domain domain time", "time"),
-            ("ushort", "4 5 7", "domain domain time", "time"),
             ("uchar", "3 4 5 9 9", "RGB-color domain domain list list", "light field"),
             ("uchar", "3 4 5 6 9 9", "RGB-color domain domain domain list list", "light field"),
-            ("short", "4 5 6 7", "domain domain domain list", "four axes"),
-            ("uchar", "4 4 5 6", "RGBA-color domain domain domain", "several values"),
-            ("uchar", "4 5 6 3", "domain domain domain 3-vector", "first axis"),
+            ("float", "3 4 5 6 9", "vector domain domain domain list", "light field"),
+            ("short", "4 5 6 7", "domain domain domain domain", "light field"),
+            ("short", "7", "time", "no axis of space"),
+            ("uchar", "3", "RGB-color", "no axis of space"),
             ("uchar", "3 4 5 6", "", "--dtype rgb8"),
+            ("short", "4 5 6 7", "", "kinds"),
             ("block", "4 5 6", "", "blocks"),
         ] {
             let e = axes(t, s, k, None).unwrap_err();
             assert!(e.code() == Code::Unsupported && e.message().contains(word), "{s} {k}: {e}");
         }
+    }
+
+    #[test]
+    fn words_that_say_how_many() {
+        for (word, n) in [("RGB-color", 3), ("3-gradient", 3), ("4-color", 4), ("3D-masked-symmetric-matrix", 7)] {
+            assert_eq!(components(word), Some(n));
+        }
+        assert_eq!((components("vector"), components("list"), components("covariant-vector")), (None, None, None));
     }
 
     #[test] // D-60, D-61

@@ -3,10 +3,10 @@
 use super::axes::Axes;
 use super::header::Header;
 use super::text;
-use crate::convert::fault;
 use crate::convert::inflate::{Packed, Packing, Skip};
 use crate::convert::payload::{self, Bytes, Payload};
 use crate::convert::stored::{Kind, Stored};
+use crate::convert::{ImportOptions, fault};
 use crate::error::Result;
 use std::fs::File;
 use std::io::{BufRead, BufReader, Seek, SeekFrom};
@@ -65,7 +65,13 @@ fn big_endian(path: &Path, header: &Header, kind: Kind) -> Result<bool> {
 }
 
 /// Finds the samples; unpacks them where they are packed.
-pub(super) fn locate(header_path: &Path, header: &Header, axes: &Axes, len: u64, max_bytes: u64) -> Result<Payload> {
+pub(super) fn locate(
+    header_path: &Path,
+    header: &Header,
+    axes: &Axes,
+    len: u64,
+    options: &ImportOptions,
+) -> Result<Payload> {
     let path = header_path;
     let encoding = encoding(path, header)?;
     let (path, (mut file, len), start) = match (data_file(path, header)?, header.data_start) {
@@ -89,7 +95,7 @@ pub(super) fn locate(header_path: &Path, header: &Header, axes: &Axes, len: u64,
             fault::foreign(at, "byte skip", format!("{text:.20?} is neither a number of bytes nor -1"))
         })?),
     };
-    let expected = payload::byte_len(at, "sizes", axes.extent, axes.kind)?;
+    let expected = axes.layout.bytes(axes.kind);
     let stored = match encoding {
         Encoding::Text => Stored { kind: axes.kind, big_endian: cfg!(target_endian = "big") },
         _ => Stored { kind: axes.kind, big_endian: big_endian(at, header, axes.kind)? },
@@ -97,10 +103,10 @@ pub(super) fn locate(header_path: &Path, header: &Header, axes: &Axes, len: u64,
     let bytes = match encoding {
         Encoding::Raw => {
             let start = raw_start(path, len, start, skip, expected)?;
-            Bytes::File { file, path: path.to_owned(), start }
+            Bytes::File { file, path: path.to_owned(), start, spooled: 0 }
         }
         Encoding::Packed(packing) => {
-            Bytes::Memory(Packed { path, file, len, start, packing }.unpack(skip, expected, max_bytes)?)
+            Packed { path, file, len, start, packing }.unpack(skip, expected, options)?
         }
         Encoding::Text => {
             let skip = match skip {
@@ -108,10 +114,10 @@ pub(super) fn locate(header_path: &Path, header: &Header, axes: &Axes, len: u64,
                 Skip::ToLast => return Err(fault::foreign(at, "byte skip", "-1 has no meaning for text")),
             };
             let start = start.saturating_add(skip);
-            Bytes::Memory(text::read(path, file, start, len, axes, max_bytes)?)
+            text::read(path, file, start, len, axes, options)?
         }
     };
-    Ok(Payload { bytes, stored, extent: axes.extent })
+    Ok(Payload { bytes, stored, layout: axes.layout })
 }
 
 /// Where the samples of a raw file start.

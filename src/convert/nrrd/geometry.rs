@@ -162,6 +162,7 @@ fn origin(path: &Path, header: &Header, axes: &Axes, placement: &mut Placement) 
 mod tests {
     use super::super::header::Field;
     use super::*;
+    use crate::convert::layout::Layout;
     use crate::convert::stored::Kind;
     use crate::error::Code;
     use crate::geometry::Extent;
@@ -171,7 +172,8 @@ mod tests {
         for (id, value) in lines {
             header.fields.push(Field { id: (*id).into(), name: (*id).into(), value: (*value).into() });
         }
-        let axes = Axes { kind: Kind::U8, extent: Extent::cube(2), domain: domain.to_vec(), dimension };
+        let layout = Layout::single(Path::new("f.nrrd"), "sizes", Extent::cube(2), Kind::U8)?;
+        let axes = Axes { kind: Kind::U8, layout, domain: domain.to_vec(), time: None, dimension };
         read(Path::new("f.nrrd"), &header, &axes)
     }
 

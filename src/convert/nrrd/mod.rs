@@ -1,8 +1,8 @@
 //! NRRD ("nearly raw raster data", Teem; magic NRRD0001 to NRRD0005), attached and detached headers.
 //!
 //! No crate reads it, so this is a small reader of our own. It takes what volumes need (raw, gzip, bzip2 and text
-//! encodings, line and byte skip, both byte orders, spacings and space directions) and refuses the rest by name: hex
-//! encoding, lists of data files, blocks, time, vectors, light fields.
+//! encodings, line and byte skip, both byte orders, spacings and space directions, axes of time and channels) and refuses the
+//! rest by name: hex encoding, lists of data files, blocks, light fields.
 
 mod axes;
 mod data;
@@ -10,11 +10,13 @@ mod fields;
 mod geometry;
 mod header;
 mod text;
+mod times;
 mod write;
 
 pub(super) use write::{write_attached, write_header};
 
-use super::{Format, Import, ImportOptions, fault, payload};
+use super::stored::Kind;
+use super::{Format, Import, ImportOptions, Probe, fault, payload};
 use crate::affine::ValueMap;
 use crate::error::Result;
 use header::Header;
@@ -50,18 +52,33 @@ pub(super) fn import(path: &Path, options: &ImportOptions) -> Result<Import> {
     let axes = axes::read(path, &header, options.dtype)?;
     let placement = geometry::read(path, &header, &axes)?;
     let value_map = value_map(path, &header)?;
-    let payload = data::locate(path, &header, &axes, len, options.max_bytes)?;
-    let (reader, streamed) = payload.open(path, options.dtype)?;
+    let opened = data::locate(path, &header, &axes, len, options)?.open(path, options.dtype)?;
     Ok(Import {
-        reader,
         placement,
-        times: None,
-        labels: false,
+        times: times::read(&header, &axes),
+        labels: is_labels(&header, axes.kind),
         value_map,
-        header: kept(&header),
-        format: Format::Nrrd,
-        streamed,
+        ..Import::plain(opened, Format::Nrrd, kept(&header))
     })
+}
+
+/// What the header says of the samples.
+pub(super) fn probe(path: &Path, options: &ImportOptions) -> Result<Probe> {
+    let (file, len) = payload::open(path)?;
+    let header = header::read(path, file, len)?;
+    let axes = axes::read(path, &header, options.dtype)?;
+    Ok(Probe { kind: axes.kind, layout: axes.layout, value_map: value_map(path, &header)? })
+}
+
+/// Whether this is a segmentation of 3D Slicer: integers that number segments. Its fractional ones are shares.
+fn is_labels(header: &Header, kind: Kind) -> bool {
+    let pair = |key: &str| header.key_values.iter().find(|(k, _)| k == key).map_or("", |(_, value)| value.as_str());
+    let segmentation = header.key_values.iter().any(|(k, _)| k.starts_with("Segmentation_"));
+    let fractional = ["Segmentation_SourceRepresentation", "Segmentation_MasterRepresentation"]
+        .iter()
+        .any(|key| pair(key).starts_with("Fractional"));
+    let integers = !matches!(kind, Kind::F32 | Kind::F64 | Kind::Rgb8);
+    integers && (segmentation && !fractional || pair("DataNodeClassName") == "vtkMRMLLabelMapVolumeNode")
 }
 
 fn value_map(path: &Path, header: &Header) -> Result<ValueMap> {

@@ -1,11 +1,11 @@
 //! Text encoding: numbers separated by blanks, newlines or commas.
 
 use super::axes::Axes;
-use crate::convert::fault;
-use crate::convert::payload;
+use crate::convert::payload::Bytes;
+use crate::convert::spool::Spool;
 use crate::convert::stored::Kind;
-use crate::error::{Code, Error, Result};
-use crate::grid::AlignedBytes;
+use crate::convert::{ImportOptions, fault};
+use crate::error::Result;
 use std::fs::File;
 use std::io::{BufRead, BufReader, Seek, SeekFrom};
 use std::path::Path;
@@ -20,45 +20,41 @@ pub(super) fn read(
     start: u64,
     len: u64,
     axes: &Axes,
-    max_bytes: u64,
-) -> Result<AlignedBytes> {
+    options: &ImportOptions,
+) -> Result<Bytes> {
     let (size, kind) = match axes.kind {
         Kind::Rgb8 => (1, Kind::U8),
         kind => (kind.bytes(), kind),
     };
-    let expected = payload::byte_len(path, "sizes", axes.extent, axes.kind)?;
+    let expected = axes.layout.bytes(axes.kind);
     let numbers = expected / size as u64;
     // A number takes a digit, and all but the last a separator.
     if numbers > len.saturating_sub(start).saturating_add(1) / 2 {
         let message = format!("{} bytes of text cannot hold {numbers} numbers", len.saturating_sub(start));
         return Err(fault::foreign(path, "sizes", message));
     }
-    if expected > max_bytes {
-        let message = format!("{}: {expected} bytes of samples are above the limit of {max_bytes}", path.display());
-        return Err(Error::new(Code::Limit, "sizes", message));
-    }
-    let mut memory = AlignedBytes::zeroed(usize::try_from(expected).map_err(|_| {
-        Error::new(Code::Limit, "sizes", format!("{}: {expected} bytes do not fit in memory", path.display()))
-    })?)?;
+    let mut spool = Spool::new(path, expected, options)?;
     file.seek(SeekFrom::Start(start)).map_err(|e| fault::io(path, e))?;
     let mut tokens = Tokens { reader: BufReader::new(file), token: Vec::new() };
-    for (filled, slot) in memory.as_mut_slice().chunks_exact_mut(size).enumerate() {
+    let mut slot = [0; 8];
+    for filled in 0..numbers {
         let token = tokens.next().map_err(|e| fault::io(path, e))?;
         if token.is_empty() {
             let message = format!("the sizes need {numbers} numbers, the text ends after {filled}");
             return Err(fault::foreign(path, "data", message));
         }
         let text = std::str::from_utf8(token).unwrap_or("");
-        if !parse(kind, text, slot) {
+        if !parse(kind, text, &mut slot[..size]) {
             let shown = String::from_utf8_lossy(&token[..token.len().min(40)]).into_owned();
             return Err(fault::foreign(path, "data", format!("number {filled}, {shown:?}, is not a {kind}")));
         }
+        spool.put(&slot[..size])?;
     }
     if !tokens.next().map_err(|e| fault::io(path, e))?.is_empty() {
         let message = format!("the text goes on after the {numbers} numbers that the sizes need");
         return Err(fault::foreign(path, "data", message));
     }
-    Ok(memory)
+    spool.finish(path)
 }
 
 struct Tokens<R> {
@@ -118,14 +114,18 @@ fn parse(kind: Kind, text: &str, out: &mut [u8]) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::convert::layout::Layout;
     use crate::geometry::Extent;
     use std::io::Write;
 
     fn numbers(kind: Kind, n: u32, text: &str) -> Result<Vec<u8>> {
         let mut file = tempfile::tempfile().unwrap();
         file.write_all(text.as_bytes()).unwrap();
-        let axes = Axes { kind, extent: Extent::new(n, 1, 1), domain: vec![0], dimension: 1 };
-        read(Path::new("f"), file, 0, text.len() as u64, &axes, 1 << 20).map(|b| b.as_slice().to_vec())
+        let layout = Layout::single(Path::new("f"), "sizes", Extent::new(n, 1, 1), kind)?;
+        let axes = Axes { kind, layout, domain: vec![0], time: None, dimension: 1 };
+        let mut bytes = read(Path::new("f"), file, 0, text.len() as u64, &axes, &ImportOptions::default())?;
+        let mut out = vec![0; layout.bytes(kind) as usize];
+        bytes.read_at(0, &mut out).map(|()| out)
     }
 
     #[test]

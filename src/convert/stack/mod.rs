@@ -11,13 +11,13 @@ mod tiff;
 mod write;
 
 pub(super) use image::Image;
-pub(super) use names::named;
+pub(super) use names::{named, natural_order};
 pub(super) use write::{check, write};
 
-use super::payload::{self, Bytes, Payload};
+use super::layout::Layout;
+use super::payload::{Bytes, Payload};
 use super::stored::Stored;
 use super::{Format, Import, ImportOptions, fault};
-use crate::affine::{Placement, ValueMap};
 use crate::error::{Code, Error, Result};
 use crate::geometry::Extent;
 use crate::grid::AlignedBytes;
@@ -59,7 +59,7 @@ pub(super) fn import(path: &Path, options: &ImportOptions) -> Result<Import> {
     };
     let kept = json!({ "format": "stack", "images": image.name(), "slices": count, "pixels": header.kind.name() });
     let extent = Extent::new(header.size.0, header.size.1, count);
-    payload::byte_len(path, "size", extent, header.kind)?;
+    let layout = Layout::single(path, "size", extent, header.kind)?;
     let plane =
         usize::try_from(header.bytes()).ok().filter(|_| header.bytes() <= options.max_bytes).ok_or_else(|| {
             let message = format!("{}: a slice unpacks to {} bytes, more than allowed", path.display(), header.bytes());
@@ -67,24 +67,15 @@ pub(super) fn import(path: &Path, options: &ImportOptions) -> Result<Import> {
         })?;
     let stored = Stored { kind: header.kind, big_endian: cfg!(target_endian = "big") };
     let bytes = Bytes::Stack(Box::new(Stack { slices, header, plane, kept: None }));
-    let (reader, streamed) = Payload { bytes, stored, extent }.open(path, options.dtype)?;
-    Ok(Import {
-        times: None,
-        labels: false,
-        reader,
-        placement: Placement::default(),
-        value_map: ValueMap::default(),
-        header: kept,
-        format: Format::Stack,
-        streamed,
-    })
+    let opened = Payload { bytes, stored, layout }.open(path, options.dtype)?;
+    Ok(Import::plain(opened, Format::Stack, kept))
 }
 
 /// The slices of a folder, which must be of one format, size and type.
 fn folder(path: &Path) -> Result<(Slices, Header)> {
     let found = names::images(path)?;
     let Some((first, image)) = found.first().cloned() else {
-        let message = "the folder holds no images (.png, .tif, .tiff, .jpg, .jpeg)";
+        let message = "the folder holds no images (.png, .tif, .tiff, .jpg, .jpeg) and no volumes (.nrrd, .nii, .npy, .raw)";
         return Err(fault::unsupported(path, "slices", message));
     };
     if let Some((other, _)) = found.iter().find(|(_, i)| *i != image) {

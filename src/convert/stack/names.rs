@@ -44,16 +44,27 @@ fn take_number<'a>(text: &mut &'a str) -> &'a str {
 
 /// The images in a folder, in natural order. Hidden files, folders and files with other endings are left out.
 pub(super) fn images(folder: &Path) -> Result<Vec<(PathBuf, Image)>> {
+    natural_order(folder, Image::of_path)
+}
+
+/// The files of a folder that `of_path` has a word for, in natural order. Hidden files and folders are left out.
+///
+/// # Errors
+/// `E_SOURCE` where the folder cannot be read, `E_LIMIT` above the cap of an axis.
+pub(in crate::convert) fn natural_order<T>(
+    folder: &Path,
+    of_path: impl Fn(&Path) -> Option<T>,
+) -> Result<Vec<(PathBuf, T)>> {
     let mut found = Vec::new();
     for entry in fs::read_dir(folder).map_err(|e| fault::io(folder, e))? {
         let path = entry.map_err(|e| fault::io(folder, e))?.path();
         let hidden = path.file_name().is_some_and(|n| n.as_encoded_bytes().starts_with(b"."));
-        if let (false, Some(image)) = (hidden || path.is_dir(), Image::of_path(&path)) {
-            found.push((path, image));
+        if let (false, Some(word)) = (hidden || path.is_dir(), of_path(&path)) {
+            found.push((path, word));
         }
     }
-    limits::check("slices", found.len() as u64, u64::from(limits::MAX_AXIS))
-        .map_err(|e| fault::relabel(folder, "slices", &e))?;
+    limits::check("files", found.len() as u64, u64::from(limits::MAX_AXIS))
+        .map_err(|e| fault::relabel(folder, "files", &e))?;
     let name = |path: &Path| path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
     found.sort_by_cached_key(|(path, _)| Natural(name(path), path.clone()));
     Ok(found)
