@@ -155,7 +155,11 @@ fn nrrd_axes_in_any_order() {
             assert_eq!(import.times, times, "{order}");
             assert_eq!(import.placement.spacing(), [1.0; 3]);
             let spooled = if memory == 0 { u64::from(steps * channels) * 120 } else { 0 };
-            assert_eq!((import.spooled, import.streamed), (spooled, encoding == "raw" || memory == 0), "{order} {encoding}");
+            assert_eq!(
+                (import.spooled, import.streamed),
+                (spooled, encoding == "raw" || memory == 0),
+                "{order} {encoding}"
+            );
         }
     }
 }
@@ -196,7 +200,8 @@ fn labels_are_recognised_by_what_slicer_writes() {
         ("uchar", "DataNodeClassName:=vtkMRMLScalarVolumeNode\n", false),
         ("float", "Segmentation_MasterRepresentation:=Binary labelmap\n", false),
     ] {
-        let text = format!("NRRD0004\ntype: {kind}\ndimension: 1\nsizes: 2\nencoding: text\nendian: little\n{pairs}\n1 2\n");
+        let text =
+            format!("NRRD0004\ntype: {kind}\ndimension: 1\nsizes: 2\nencoding: text\nendian: little\n{pairs}\n1 2\n");
         fs::write(&path, text).unwrap();
         assert_eq!(import(&path, &ImportOptions::default()).unwrap().labels, labels, "{kind} {pairs}");
     }
@@ -264,7 +269,9 @@ fn files_of_a_folder_are_time_steps() {
     let temp = tempfile::tempdir().unwrap();
     let d = temp.path();
     let write = |name: &str, kind: &str, sizes: &str, extra: &str| {
-        let text = format!("NRRD0004\ntype: {kind}\ndimension: 1\nsizes: {sizes}\n{extra}encoding: text\nendian: little\n\n1 2\n");
+        let text = format!(
+            "NRRD0004\ntype: {kind}\ndimension: 1\nsizes: {sizes}\n{extra}encoding: text\nendian: little\n\n1 2\n"
+        );
         fs::write(d.join(name), text).unwrap();
     };
     write("a2.nrrd", "int", "2", "");
@@ -283,8 +290,11 @@ fn files_of_a_folder_are_time_steps() {
         assert!(e.message().contains(word), "{e}");
     }
     // What is narrowed differently is found when it is read.
-    fs::write(d.join("a10.nrrd"), "NRRD0004\ntype: int\ndimension: 1\nsizes: 2\nencoding: text\nendian: little\n\n1 -2\n")
-        .unwrap();
+    fs::write(
+        d.join("a10.nrrd"),
+        "NRRD0004\ntype: int\ndimension: 1\nsizes: 2\nencoding: text\nendian: little\n\n1 -2\n",
+    )
+    .unwrap();
     let mut two = import(d, &ImportOptions::default()).unwrap();
     let e = two.reader.turn_to(1, 0).unwrap_err();
     assert!(e.message().contains("--dtype") && e.message().contains("a10"), "{e}");
@@ -323,11 +333,25 @@ fn real_series() {
     let Some(folder) = data::folder("real_series") else { return };
     let times = |t: &Times| (t.unit, t.steps[0], t.interval());
     for (file, dims, series, t, range, interval) in [
-        ("fmri4d_u16.nrrd", [80, 80, 35], (40, 1), SampleType::U16, (0.0, 792.0), Some((TimeUnit::Unknown, 0.0, Some(2.0)))),
+        (
+            "fmri4d_u16.nrrd",
+            [80, 80, 35],
+            (40, 1),
+            SampleType::U16,
+            (0.0, 792.0),
+            Some((TimeUnit::Unknown, 0.0, Some(2.0))),
+        ),
         ("bfield_femm_vec3_f32.nrrd", [47; 3], (1, 3), SampleType::F32, (-0.0052, 0.0092), None),
         ("rgbf32_lut_srgb.nrrd", [32; 3], (1, 3), SampleType::F32, (0.0, 1.096), None),
         ("edge/nifti-rs_rgb_4D.nii", [3; 3], (2, 1), SampleType::Rgb8, (0.0, 55.0), None),
-        ("edge/nibabel_example_nifti2.nii.gz", [32, 20, 12], (2, 1), SampleType::I16, (46.0, 757.0), Some((TimeUnit::Second, 0.0, None))),
+        (
+            "edge/nibabel_example_nifti2.nii.gz",
+            [32, 20, 12],
+            (2, 1),
+            SampleType::I16,
+            (46.0, 757.0),
+            Some((TimeUnit::Second, 0.0, None)),
+        ),
     ] {
         let mut found = import(&folder.join(file), &ImportOptions::default()).unwrap();
         let (extent, sample_type) = (found.reader.extent(), found.reader.sample_type());

@@ -182,7 +182,11 @@ fn memory_that_does_not_hold_a_row_of_bricks_is_an_error_that_says_so() {
 #[test]
 fn a_folder_that_is_not_there_is_an_error_that_names_it() {
     let temp_dir = Some("/nowhere/at/all".into());
-    let options = EncodeOptions { memory: little(SampleType::U8).1 as u64, temp_dir, ..options(CodecChoice::Raw, Downsample::Mean) };
+    let options = EncodeOptions {
+        memory: little(SampleType::U8).1 as u64,
+        temp_dir,
+        ..options(CodecChoice::Raw, Downsample::Mean)
+    };
     let mut file = std::io::Cursor::new(Vec::new());
     let error =
         vug::volume::encode(&mut Source::new(grid(blobs), false), &mut file, &options, &mut |_, _| {}).unwrap_err();

@@ -33,11 +33,8 @@ struct Header {
 /// fastest in memory either way. An axis of three u8 behind (Fortran: before) three or more others is red, green, blue.
 pub(super) fn import(path: &Path, options: &ImportOptions) -> Result<Import> {
     let (probe, stored, file, start) = open(path, options)?;
-    let payload = Payload {
-        bytes: Bytes::File { file, path: path.to_owned(), start, spooled: 0 },
-        stored,
-        layout: probe.layout,
-    };
+    let payload =
+        Payload { bytes: Bytes::File { file, path: path.to_owned(), start, spooled: 0 }, stored, layout: probe.layout };
     Ok(Import::plain(payload.open(path, options.dtype)?, Format::Npy, json!({ "format": "npy" })))
 }
 
@@ -65,7 +62,9 @@ fn open(path: &Path, options: &ImportOptions) -> Result<(Probe, Stored, File, u6
     };
     // So few samples along the fastest axis of so many are values of a voxel, and none along x.
     if axes.len() > 3 && (2..=4).contains(&axes[0]) && axes[1..].iter().all(|n| *n > 8) {
-        return refuse("vectors come first: save them as (time, channel, z, y, x), with numpy.moveaxis(a, -1, 0)[None]");
+        return refuse(
+            "vectors come first: save them as (time, channel, z, y, x), with numpy.moveaxis(a, -1, 0)[None]",
+        );
     }
     let (space, series) = axes.split_at(axes.len().min(3));
     let mut roles: Vec<(Role, u64)> = space.iter().enumerate().map(|(i, n)| (Role::Space(i), *n)).collect();

@@ -5,7 +5,7 @@
 
 use super::layout::Layout;
 use super::slabs::check_turn;
-use super::{Format, Import, ImportOptions, Probe, fault, import_file, npy, nifti, nrrd, raw, stack};
+use super::{Format, Import, ImportOptions, Probe, fault, import_file, nifti, npy, nrrd, raw, stack};
 use crate::error::{Error, Result};
 use crate::geometry::Extent;
 use crate::grid::{SlabReader, View};
@@ -60,9 +60,10 @@ fn files(folder: &Path) -> Result<Vec<(PathBuf, Format)>> {
         let name = name(path).to_ascii_lowercase();
         endings.iter().any(|e| name.ends_with(e))
     };
-    for (header, data) in
-        [(&[".nhdr"][..], &[".raw", ".bin", ".nii", ".nii.gz", ".img"][..]), (&[".hdr", ".hdr.gz"], &[".img", ".img.gz"])]
-    {
+    for (header, data) in [
+        (&[".nhdr"][..], &[".raw", ".bin", ".nii", ".nii.gz", ".img"][..]),
+        (&[".hdr", ".hdr.gz"], &[".img", ".img.gz"]),
+    ] {
         if found.iter().any(|(path, _)| ends(path, header)) {
             found.retain(|(path, _)| !ends(path, data));
         }
@@ -188,7 +189,8 @@ impl SlabReader for Files {
             self.step = u32::MAX;
             let import = import_file(path, &self.options)?;
             let (found, wanted) = (import.reader.sample_type(), self.target);
-            if found != wanted || import.reader.extent() != self.extent || import.reader.series() != (1, self.channels) {
+            if found != wanted || import.reader.extent() != self.extent || import.reader.series() != (1, self.channels)
+            {
                 let message = format!(
                     "{} {found} where the first file of the series is {} {wanted}; choose a type for all with --dtype",
                     import.reader.extent(),

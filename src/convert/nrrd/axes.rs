@@ -120,7 +120,9 @@ pub(super) fn read(path: &Path, header: &Header, forced: Option<SampleType>) -> 
     let placeless = placeless(header, dimension);
     let mut roles: Vec<Role> = (0..dimension)
         .map(|axis| match role_of(kind_at(axis)) {
-            Some(Role::Channel) if kind_at(axis).eq_ignore_ascii_case("list") && is_time_list(header, axis) => Role::Time,
+            Some(Role::Channel) if kind_at(axis).eq_ignore_ascii_case("list") && is_time_list(header, axis) => {
+                Role::Time
+            }
             Some(role) => role,
             // An axis without a direction among others with one is not of space.
             None if placeless.get(axis) == Some(&true) => Role::Channel,

@@ -105,9 +105,7 @@ pub(super) fn locate(
             let start = raw_start(path, len, start, skip, expected)?;
             Bytes::File { file, path: path.to_owned(), start, spooled: 0 }
         }
-        Encoding::Packed(packing) => {
-            Packed { path, file, len, start, packing }.unpack(skip, expected, options)?
-        }
+        Encoding::Packed(packing) => Packed { path, file, len, start, packing }.unpack(skip, expected, options)?,
         Encoding::Text => {
             let skip = match skip {
                 Skip::First(n) => n,

@@ -75,7 +75,8 @@ pub(super) fn import(path: &Path, options: &ImportOptions) -> Result<Import> {
 fn folder(path: &Path) -> Result<(Slices, Header)> {
     let found = names::images(path)?;
     let Some((first, image)) = found.first().cloned() else {
-        let message = "the folder holds no images (.png, .tif, .tiff, .jpg, .jpeg) and no volumes (.nrrd, .nii, .npy, .raw)";
+        let message =
+            "the folder holds no images (.png, .tif, .tiff, .jpg, .jpeg) and no volumes (.nrrd, .nii, .npy, .raw)";
         return Err(fault::unsupported(path, "slices", message));
     };
     if let Some((other, _)) = found.iter().find(|(_, i)| *i != image) {
