@@ -9,6 +9,7 @@ use super::writer::{EncodeReport, Shape, VolumeWriter, null_sample};
 use super::zerobit::Encoding;
 use crate::codec::Codec;
 use crate::codec::zerobit::Book;
+use crate::container::BrickSink;
 use crate::error::{Error, Result};
 use crate::grid::{SlabReader, View};
 use crate::voxel::SampleType;
@@ -43,6 +44,36 @@ pub fn encode<W: Write + Seek>(
     options: &EncodeOptions,
     progress: &mut Progress<'_>,
 ) -> Result<EncodeReport> {
+    let start = |shape, codec, brick_log2| VolumeWriter::create(out, shape, codec, brick_log2, options);
+    let (mut out, report) = run(reader, options, progress, start)?;
+    out.flush().map_err(|e| Error::io("cannot write", e))?;
+    Ok(report)
+}
+
+/// As [`encode`], into a log file: `out` is written front to back and may be a pipe or a socket. What was written before
+/// the last commit can be read whatever happens to the writer (spec chapter 15).
+///
+/// # Errors
+/// As [`encode`].
+pub fn encode_log<W: Write>(
+    reader: &mut dyn SlabReader,
+    out: W,
+    options: &EncodeOptions,
+    progress: &mut Progress<'_>,
+) -> Result<EncodeReport> {
+    let start = |shape, codec, brick_log2| VolumeWriter::create_log(out, shape, codec, brick_log2, options);
+    let (mut out, report) = run(reader, options, progress, start)?;
+    out.flush().map_err(|e| Error::io("cannot write", e))?;
+    Ok(report)
+}
+
+/// Encodes into the file that `start` begins, once shape and codec are known.
+fn run<S: BrickSink>(
+    reader: &mut dyn SlabReader,
+    options: &EncodeOptions,
+    progress: &mut Progress<'_>,
+    start: impl FnOnce(Shape, Codec, u8) -> Result<VolumeWriter<S>>,
+) -> Result<(S::Out, EncodeReport)> {
     let (extent, t) = (reader.extent(), reader.sample_type());
     extent.check()?;
     let (time_steps, channels) = reader.series();
@@ -75,7 +106,7 @@ pub fn encode<W: Write + Seek>(
     };
     let choice = choose(&mut source, options, &mut advance)?;
     let shape = Shape { extent, sample_type: t, time_steps, channels };
-    let mut writer = VolumeWriter::create(out, shape, choice.codec.clone(), choice.brick_log2, options)?;
+    let mut writer = start(shape, choice.codec.clone(), choice.brick_log2)?;
     let levels = 0..options.lod_count(extent, choice.brick_log2)?;
     let encoder = writer.encoder();
     let mut books = Vec::new();
@@ -100,8 +131,7 @@ pub fn encode<W: Write + Seek>(
     }
     let spooled = source.spooled;
     progress(total, total);
-    let (mut out, mut report) = writer.finish()?;
-    out.flush().map_err(|e| Error::io("cannot write", e))?;
+    let (out, mut report) = writer.finish()?;
     if spooled {
         let megabytes = options.memory >> 20;
         notes.push(format!(
@@ -116,7 +146,7 @@ pub fn encode<W: Write + Seek>(
             report.stored_bytes
         ));
     }
-    Ok(report)
+    Ok((out, report))
 }
 
 /// Looks at the source before the last one, for progress bars.

@@ -80,7 +80,7 @@ pub use bounds::Bounds;
 pub use census::BrickCounts;
 pub use codec_stats::{CodecStats, LevelStats};
 pub use counted::Cost;
-pub use encode::{Progress, encode};
+pub use encode::{Progress, encode, encode_log};
 pub use open::Volume;
 pub use options::{Bound, CodecChoice, EncodeOptions, NonFinite, Quality, ZerobitOptions};
 pub use plane_cache::PlaneSampler;

@@ -7,7 +7,8 @@ use super::zerobit;
 use crate::codec::Codec;
 use crate::codec::zerobit::Book;
 use crate::container::{
-    Achieved, BrickSink, CodecEntry, FileWriter, FinishOptions, NodeKind, Octree, VolumeDescriptor, check_meta,
+    Achieved, BrickSink, CodecEntry, FileWriter, FinishOptions, LogWriter, NodeKind, Octree, VolumeDescriptor,
+    check_meta,
 };
 use crate::error::{Code, Error, Result};
 use crate::geometry::{Coord, Extent};
@@ -118,7 +119,20 @@ impl<W: Write + Seek> VolumeWriter<FileWriter<W>> {
     /// # Errors
     /// `E_PARAM`, `E_LIMIT` for shapes and options outside the format.
     pub fn create(out: W, shape: Shape, codec: Codec, brick_log2: u8, options: &EncodeOptions) -> Result<Self> {
-        VolumeWriter::start(shape, codec, brick_log2, options, |descriptor| FileWriter::new(out, descriptor))
+        VolumeWriter::start(shape, codec, brick_log2, options, |descriptor, _| FileWriter::new(out, descriptor))
+    }
+}
+
+impl<W: Write> VolumeWriter<LogWriter<W>> {
+    /// Starts a volume in `out`, a log file (spec chapter 15): written front to back, so that `out` may be a pipe, and
+    /// readable up to its last commit at any time; there is one every 16 MiB of payload.
+    ///
+    /// # Errors
+    /// As [`VolumeWriter::create`]; `E_SOURCE`, since it starts to write at once.
+    pub fn create_log(out: W, shape: Shape, codec: Codec, brick_log2: u8, options: &EncodeOptions) -> Result<Self> {
+        VolumeWriter::start(shape, codec, brick_log2, options, |descriptor, finish| {
+            LogWriter::create(out, descriptor, finish)
+        })
     }
 }
 
@@ -129,7 +143,7 @@ impl<S: BrickSink> VolumeWriter<S> {
         codec: Codec,
         brick_log2: u8,
         options: &EncodeOptions,
-        open: impl FnOnce(&VolumeDescriptor) -> Result<S>,
+        open: impl FnOnce(&VolumeDescriptor, &FinishOptions) -> Result<S>,
     ) -> Result<Self> {
         shape.extent.check()?;
         codec.supports(shape.sample_type)?;
@@ -170,8 +184,14 @@ impl<S: BrickSink> VolumeWriter<S> {
         let octree = Octree::new(&descriptor)?;
         let weigh_lossless = options.zstd && matches!(codec, Codec::S3dc(_));
         let encoder = BrickEncoder { codec, zstd: options.zstd, non_finite: options.non_finite, null, weigh_lossless };
+        let known = FinishOptions {
+            meta: options.meta.clone().map(String::into_bytes),
+            times: options.times.clone(),
+            file_id: options.file_id,
+            ..FinishOptions::default()
+        };
         Ok(VolumeWriter {
-            file: open(&descriptor)?,
+            file: open(&descriptor, &known)?,
             descriptor,
             octree,
             encoder,

@@ -73,7 +73,7 @@ Examples:
 pub(in crate::cli) struct Encode {
     /// Volume to read: .nrrd .nhdr .nii .nii.gz .hdr .npy .raw .tif, or a folder of .png, .tif or .jpg slices
     pub(in crate::cli) source: PathBuf,
-    /// File to write
+    /// File to write; - for standard output, as a log
     pub(in crate::cli) target: PathBuf,
     /// Codec
     #[arg(long, value_enum)]
@@ -135,6 +135,9 @@ pub(in crate::cli) struct Encode {
     /// File id, 32 hex digits, instead of one made from the content
     #[arg(long, value_name = "HEX", value_parser = parse_file_id)]
     pub(in crate::cli) file_id: Option<[u8; 16]>,
+    /// Write a log: front to back, readable up to its last commit even if the writer is killed, and open to `vug append`
+    #[arg(long)]
+    pub(in crate::cli) log: bool,
     /// Overwrite TARGET
     #[arg(long)]
     pub(in crate::cli) force: bool,

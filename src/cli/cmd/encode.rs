@@ -16,6 +16,7 @@ use crate::source::AtomicFile;
 use crate::volume::{self, CodecChoice, EncodeOptions, EncodeReport, NonFinite, Quality, Selection, ZerobitOptions};
 use crate::voxel::SampleType;
 use serde_json::{Value, json};
+use std::fs::{File, OpenOptions};
 use std::path::Path;
 
 /// What zerobit keeps where nothing else is said, in millionths.
@@ -45,33 +46,63 @@ pub(super) fn run(args: &Encode) -> Result<Verdict> {
     options.times = source.times.clone();
     options.meta = Some(meta(args, &source.header));
     let (extent, sample_type) = (source.reader.extent(), source.reader.sample_type());
-    let mut file = AtomicFile::create(&args.target, args.force)?;
+    let (time_steps, channels) = source.reader.series();
+    let to_stdout = is_stdout(&args.target);
     let bar = progress(args.common.quiet || args.common.json, "encoding");
-    let report = volume::encode(&mut *source.reader, &mut file, &options, &mut |done, total| {
+    let mut advance = |done, total| {
         bar.set_length(total);
         bar.set_position(done);
-    })?;
-    file.commit()?;
+    };
+    let reader = &mut *source.reader;
+    let report = if to_stdout {
+        volume::encode_log(reader, std::io::stdout().lock(), &options, &mut advance)?
+    } else if args.log {
+        // Under its own name from the start: what a log has committed can be read while it grows.
+        let mut file = new_log(&args.target, args.force)?;
+        let report = volume::encode_log(reader, &mut file, &options, &mut advance)?;
+        file.sync_all().map_err(|e| Error::io(args.target.display(), e))?;
+        report
+    } else {
+        let mut file = AtomicFile::create(&args.target, args.force)?;
+        let report = volume::encode(reader, &mut file, &options, &mut advance)?;
+        file.commit()?;
+        report
+    };
     bar.finish_and_clear();
-    if args.common.json {
+    if to_stdout {
+        // Standard output is the file.
+    } else if args.common.json {
         let mut json = report_json(&report);
         json["dims"] = json!(extent.to_array());
         json["sample_type"] = json!(sample_type.name());
+        (json["time_steps"], json["channels"]) = (json!(time_steps), json!(channels));
         println!("{json:#}");
     } else if !args.common.quiet {
         println!("{} → {}", args.source.display(), args.target.display());
-        println!("volume      {extent} {sample_type} (x, y, z)");
+        let trees = match (time_steps, channels) {
+            (1, 1) => String::new(),
+            (steps, channels) => format!(", {steps} time step(s), {channels} channel(s)"),
+        };
+        println!("volume      {extent} {sample_type} (x, y, z){trees}");
         print!("{}", report_text(&report));
-    }
-    if labels && !args.labels && !args.common.quiet {
-        eprintln!(
-            "note: the source says that it holds labels: stored without loss, coarser levels by the nearest voxel"
-        );
     }
     for note in report.notes.iter().filter(|_| !args.common.quiet) {
         eprintln!("note: {note}");
     }
     Ok(Verdict::Ok)
+}
+
+fn is_stdout(target: &Path) -> bool {
+    target == Path::new("-")
+}
+
+/// A new file, or one that may be overwritten.
+fn new_log(path: &Path, force: bool) -> Result<File> {
+    AtomicFile::check(path, force)?;
+    let mut options = OpenOptions::new();
+    options.write(true);
+    let options = if force { options.create(true).truncate(true) } else { options.create_new(true) };
+    options.open(path).map_err(|e| Error::io(path.display(), e))
 }
 
 /// How a mask is read: `--shape` and `--dtype` are for the source. A raw mask has its shape, and a byte per voxel.
@@ -85,6 +116,9 @@ fn check(args: &Encode) -> Result<()> {
     let same = |a: &Path, b: &Path| matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b);
     if same(&args.source, &args.target) {
         return Err(Error::param("target", "the target is the source itself, which would be lost; give another name"));
+    }
+    if is_stdout(&args.target) && args.common.json {
+        return Err(Error::param("json", "standard output is the file; leave --json out"));
     }
     if let Some(format) = Format::of_path(&args.target) {
         let is = if args.target.is_dir() { "is a folder, as of" } else { "has the ending of" };
