@@ -15,17 +15,36 @@ pub struct Entry {
 }
 
 /// A histogram that is being counted; [`Tally::finish`] makes it a [`Histogram`].
-#[derive(Clone, Debug, Default)]
+///
+/// It holds a limited number of distinct vectors. Where there are more, the lowest bits of all components are dropped, as
+/// few as it takes; a code book of some hundred words does not notice. The result depends on what was counted only, not
+/// on the order.
+#[derive(Clone, Debug)]
 pub struct Tally {
     settled: Histogram,
     waiting: Vec<Entry>,
+    most: usize,
+    /// Bits that are dropped.
+    dropped: u32,
+}
+
+impl Default for Tally {
+    fn default() -> Self {
+        Tally::within(usize::MAX)
+    }
 }
 
 impl Tally {
-    /// An empty one.
+    /// An empty one that holds every vector.
     #[must_use]
     pub fn new() -> Tally {
         Tally::default()
+    }
+
+    /// An empty one that holds at most `most` distinct vectors.
+    #[must_use]
+    pub fn within(most: usize) -> Tally {
+        Tally { settled: Histogram::default(), waiting: Vec::new(), most: most.max(1), dropped: 0 }
     }
 
     /// Counts one vector.
@@ -46,7 +65,7 @@ impl Tally {
         if count > 0 {
             // With a quarter as many waiting as there are distinct ones, a vector is moved a constant number of times on
             // average, and what waits is small beside what is settled.
-            if self.waiting.len() >= BUFFER.max(self.settled.len() / 4) {
+            if self.waiting.len() >= BUFFER.max(self.settled.len() / 4).min(self.most) {
                 self.settle();
             }
             self.waiting.push(Entry { vector, count });
@@ -61,19 +80,42 @@ impl Tally {
     }
 
     fn settle(&mut self) {
-        // One number per vector compares faster than three.
-        let key = |e: &Entry| e.vector.iter().fold(0, |key, &c| key << 32 | u128::from(c as u32 ^ 1 << 31));
-        self.waiting.sort_unstable_by_key(key);
-        self.waiting.dedup_by(|next, kept| {
-            let same = next.vector == kept.vector;
-            if same {
-                kept.count = kept.count.saturating_add(next.count);
-            }
-            same
-        });
-        self.settled.take_in(&self.waiting);
-        self.waiting.clear();
+        let mut waiting = std::mem::take(&mut self.waiting);
+        drop_bits(&mut waiting, self.dropped);
+        sort(&mut waiting);
+        self.settled.take_in(&waiting);
+        waiting.clear();
+        self.waiting = waiting;
+        // All that came before is a part of what is there now: what is dropped in the end follows from all of it.
+        while self.settled.len() > self.most && self.dropped < 31 {
+            self.dropped += 1;
+            drop_bits(&mut self.settled.entries, self.dropped);
+            sort(&mut self.settled.entries);
+        }
     }
+}
+
+/// Puts the middle of 2^`bits` values in place of each of them.
+fn drop_bits(entries: &mut [Entry], bits: u32) {
+    if bits > 0 {
+        for v in entries.iter_mut().flat_map(|e| &mut e.vector) {
+            *v = (*v >> bits << bits) + (1 << (bits - 1));
+        }
+    }
+}
+
+/// Sorts by vector, and joins equal ones.
+fn sort(entries: &mut Vec<Entry>) {
+    // One number per vector compares faster than three.
+    let key = |e: &Entry| e.vector.iter().fold(0, |key, &c| key << 32 | u128::from(c as u32 ^ 1 << 31));
+    entries.sort_unstable_by_key(key);
+    entries.dedup_by(|next, kept| {
+        let same = next.vector == kept.vector;
+        if same {
+            kept.count = kept.count.saturating_add(next.count);
+        }
+        same
+    });
 }
 
 /// Distinct vectors with their counts, ascending by vector.

@@ -241,3 +241,25 @@ proptest! {
         prop_assert_eq!(refine(&other, &book, 4), better);
     }
 }
+
+#[test] // memory follows what is allowed, not what is counted, and the order of counting does not show
+fn a_tally_keeps_within_its_bound() {
+    let vectors: Vec<Vector> = (0..50_000i32).map(|i| [i * 7 % 613 - 300, i * 31 % 257 - 128, i % 97]).collect();
+    let tally = |vectors: &mut dyn Iterator<Item = &Vector>, most| {
+        let mut tally = Tally::within(most);
+        vectors.for_each(|v| tally.add(*v));
+        tally.finish()
+    };
+    let all = tally(&mut vectors.iter(), usize::MAX);
+    assert!(all.len() > 40_000);
+    for most in [1, 10, 1000, 30_000] {
+        let few = tally(&mut vectors.iter(), most);
+        assert!(few.len() <= most.max(8), "{} for {most}", few.len());
+        assert_eq!(few.total(), all.total());
+        assert_eq!(few, tally(&mut vectors.iter().rev(), most), "the order shows");
+        // The middle of what was dropped stands for it.
+        let mean = |h: &Histogram| h.entries().iter().map(|e| f64::from(e.vector[0]) * e.count as f64).sum::<f64>();
+        assert!((mean(&few) - mean(&all)).abs() / (all.total() as f64) < 300.0);
+    }
+    assert_eq!(tally(&mut vectors.iter(), all.len()), all, "as many as there are: nothing is dropped");
+}

@@ -27,6 +27,9 @@ pub(super) struct Encoding<'a> {
     pub(super) selection: Option<&'a Selection>,
 }
 
+/// Distinct averages or details that are told apart at a time, of all codebooks of a level that are trained together.
+const MOST_DISTINCT: usize = 1 << 20;
+
 /// Takes encoded bricks, in the order of the walk, and the codebooks there are so far.
 type Take<'a> = dyn FnMut(&[Book], Place, EncodedBrick) -> Result<()> + 'a;
 
@@ -154,6 +157,7 @@ impl Encoding<'_> {
         };
         let mut trainers: Vec<Vec<Option<Trainer>>> =
             grids.iter().map(|(regions, _)| (0..regions.x * regions.y).map(|_| None).collect()).collect();
+        let distinct = MOST_DISTINCT / trainers.iter().map(Vec::len).max().unwrap_or(1).clamp(1, 64);
         let work = |place: Place, view: View<'_>| {
             let constant = self.encoder.constant(view).is_some();
             Ok((view.extent.voxels(), (!constant).then(|| self.codec.survivors(view, cuts[index(place)]))))
@@ -166,7 +170,8 @@ impl Encoding<'_> {
         source.for_each_brick(walk, work, |place, (voxels, survivors)| {
             count(place, voxels);
             if let Some(survivors) = survivors {
-                trainers[index(place)][region_of(place)].get_or_insert_default().take(&survivors);
+                let trainer = &mut trainers[index(place)][region_of(place)];
+                trainer.get_or_insert_with(|| Trainer::within(distinct)).take(&survivors);
             }
             Ok(())
         })?;

@@ -120,7 +120,7 @@ fn check(args: &Encode) -> Result<()> {
     if is_stdout(&args.target) && args.common.json {
         return Err(Error::param("json", "standard output is the file; leave --json out"));
     }
-    if let Some(format) = Format::of_path(&args.target) {
+    if let Some(format) = Format::of_path(&args.target).filter(|_| !is_stdout(&args.target)) {
         let is = if args.target.is_dir() { "is a folder, as of" } else { "has the ending of" };
         let message = format!("{} {is} {}; give the .vug file another name", args.target.display(), format.name());
         return Err(Error::param("target", message));

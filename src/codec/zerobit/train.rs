@@ -62,6 +62,12 @@ pub struct Trainer {
 }
 
 impl Trainer {
+    /// A trainer that tells at most `distinct` vectors apart: bounds its memory to some 100 bytes for each.
+    #[must_use]
+    pub fn within(distinct: usize) -> Trainer {
+        Trainer { average: Tally::within(distinct), detail: Tally::within(distinct) }
+    }
+
     /// Adds those of one brick.
     pub fn take(&mut self, survivors: &Survivors) {
         for (tally, histogram) in [(&mut self.average, &survivors.average), (&mut self.detail, &survivors.detail)] {
