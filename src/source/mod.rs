@@ -4,6 +4,8 @@
 //! A source knows nothing of the format. The container says which range it wants; a source delivers it.
 
 mod atomic;
+#[cfg(feature = "cloud")]
+mod cloud;
 mod file;
 #[cfg(feature = "http")]
 mod http;
@@ -13,6 +15,8 @@ mod parallel;
 mod url;
 
 pub use atomic::AtomicFile;
+#[cfg(feature = "cloud")]
+pub use cloud::{CloudOptions, CloudSource};
 pub use file::FileSource;
 #[cfg(feature = "http")]
 pub use http::{HttpOptions, HttpSource, Stopper};

@@ -39,7 +39,7 @@ pub fn open_url(url: &str) -> Result<Box<dyn ByteSource>> {
     match scheme(url) {
         #[cfg(feature = "http")]
         Some((_, "http")) => Ok(Box::new(super::HttpSource::open(url, super::HttpOptions::default())?)),
-        #[cfg(any())]
+        #[cfg(feature = "cloud")]
         Some((_, "cloud")) => Ok(Box::new(super::CloudSource::open(url, super::CloudOptions::default())?)),
         #[allow(unreachable_patterns, reason = "there is none where all features are on")]
         Some((name, feature)) => Err(Error::new(

@@ -10,10 +10,15 @@ use crate::error::{Code, Error, Result};
 use crate::geometry::Coord;
 use crate::limits;
 use crate::supercompression;
-use quick_cache::Weighter;
-use quick_cache::sync::Cache;
+use quick_cache::sync::{Cache, DefaultLifecycle, GuardResult, PlaceholderGuard};
+use quick_cache::{DefaultHashBuilder, Weighter};
+use std::borrow::Cow;
 use std::ops::Deref;
 use std::sync::Arc;
+use std::time::Duration;
+
+/// log2 of the edge of a page, in bricks.
+const PAGE_LOG2: u32 = 3;
 
 /// An uncompressed payload: a part of the file in memory, or a shared copy.
 #[derive(Clone)]
@@ -71,6 +76,12 @@ impl Bricks {
     }
 }
 
+/// The right and duty to bring one payload into the cache; others wait for it.
+pub(super) struct Claim<'a> {
+    guard: PlaceholderGuard<'a, Key, Arc<[u8]>, ByBytes, DefaultHashBuilder, DefaultLifecycle<Key, Arc<[u8]>>>,
+    layout: usize,
+}
+
 /// A brick found in the index.
 pub(super) struct Found<'a> {
     pub(super) page: Option<&'a Page>,
@@ -82,6 +93,11 @@ impl<'a> Found<'a> {
     pub(super) fn node(&self) -> &'a Node {
         self.page.map_or(&Node::EMPTY, |page| page.node(self.slot))
     }
+
+    /// Whether the stored payload has been held against its CRC before.
+    fn is_checked(&self) -> bool {
+        self.page.is_some_and(|page| page.known(self.slot).is_checked())
+    }
 }
 
 impl Volume {
@@ -91,6 +107,23 @@ impl Volume {
         let (ordinal, slot) = self.head.octree.locate(tree, lod, brick);
         let page = self.pages.page(&self.head, &self.source, ordinal).map_err(|e| self.replaced_or(e))?;
         Ok(Found { page, slot })
+    }
+
+    /// Reads the pages of bricks `first..=last` that are not there yet, neighbouring ones together.
+    pub(super) fn load_pages(&self, tree: u32, lod: u8, first: Coord, last: Coord) -> Result<()> {
+        let [first, last] = [first, last].map(|c| c.map(|v| v >> PAGE_LOG2));
+        if first == last {
+            return Ok(()); // the first brick brings it
+        }
+        let mut ordinals = Vec::new();
+        for z in first[2]..=last[2] {
+            for y in first[1]..=last[1] {
+                for x in first[0]..=last[0] {
+                    ordinals.push(self.head.octree.locate(tree, lod, [x, y, z].map(|v| v << PAGE_LOG2)).0);
+                }
+            }
+        }
+        self.pages.load(&self.head, &self.source, &ordinals).map_err(|e| self.replaced_or(e))
     }
 
     /// Codec entry and index of the layout of a stored brick.
@@ -109,7 +142,7 @@ impl Volume {
     pub(super) fn payload(&self, found: &Found<'_>, layout: usize) -> Result<Payload<'_>> {
         let node = found.node();
         if !node.flags.contains(NodeFlags::ZSTD)
-            && found.page.is_some_and(|p| p.known(found.slot).is_checked())
+            && found.is_checked()
             && let Some(bytes) = self.stored_slice(node)
         {
             return Ok(Payload::Slice(bytes));
@@ -124,28 +157,31 @@ impl Volume {
         self.source.as_slice()?.get(start..start.checked_add(node.stored_len as usize)?)
     }
 
-    /// Whether [`Volume::payload`] would have to read: the ranges of several bricks can then be read together.
-    pub(super) fn wants_read(&self, node: &Node, layout: usize) -> bool {
-        node.kind == NodeKind::Stored
-            && self.source.as_slice().is_none()
-            && self.bricks.cache.peek(&Key::of(node, self.codecs.layout(layout))).is_none()
+    /// Whether [`Volume::payload`] would have to read, and may: the ranges of several bricks can then be read together.
+    pub(super) fn wants_read(&self, found: &Found<'_>, layout: usize) -> bool {
+        let node = found.node();
+        let layout = self.codecs.layout(layout);
+        if node.kind != NodeKind::Stored || self.check_stored(node, layout).is_err() {
+            return false; // `payload_slow` says why
+        }
+        if self.is_lent(node) {
+            return !found.is_checked();
+        }
+        self.bricks.cache.peek(&Key::of(node, layout)).is_none()
     }
 
-    /// The first use of a payload; `stored` are its bytes where a merged read has brought them already.
-    pub(super) fn payload_slow(&self, found: &Found<'_>, layout: usize, stored: Option<&[u8]>) -> Result<Payload<'_>> {
-        let node = found.node();
-        let layout_index = layout;
-        let layout = self.codecs.layout(layout);
-        let key = Key::of(node, layout);
-        if let Some(shared) = self.bricks.cache.get(&key) {
-            return Ok(Payload::Shared(shared));
-        }
+    /// Whether the payload is used where it lies, so that nothing is kept of it.
+    fn is_lent(&self, node: &Node) -> bool {
+        !node.flags.contains(NodeFlags::ZSTD) && self.source.as_slice().is_some()
+    }
+
+    /// What a node says of its payload, held against limits and codec before anything is read.
+    fn check_stored(&self, node: &Node, layout: &Layout) -> Result<()> {
         limits::check("node.stored_len", u64::from(node.stored_len), limits::MAX_BRICK_BYTES)?;
         let [least, most] = layout.payload_lens;
         limits::check("brick", least, self.limits.brick_bytes)?;
-        let zstd = node.flags.contains(NodeFlags::ZSTD);
         // spec: BRK-7
-        if !zstd && !layout.allows(u64::from(node.stored_len)) {
+        if !node.flags.contains(NodeFlags::ZSTD) && !layout.allows(u64::from(node.stored_len)) {
             return Err(Error::at(
                 Code::Size,
                 node.offset,
@@ -153,44 +189,100 @@ impl Volume {
                 format!("{} bytes stored where the codec needs {least} to {most}", node.stored_len),
             ));
         }
-        let bytes = match stored {
-            Some(bytes) => std::borrow::Cow::Borrowed(bytes),
-            None => self.source.read(node.offset, node.stored_len as usize)?,
-        };
-        if !found.page.is_some_and(|p| p.known(found.slot).is_checked()) {
-            let computed = crc32(&bytes);
-            if computed != node.crc {
-                return Err(self.replaced_or(Error::at(
-                    Code::BrickCrc,
-                    node.offset,
-                    "brick.payload",
-                    format!(
-                        "CRC {computed:08x} computed, {:08x} stored; the brick is damaged, salvage reads the rest",
-                        node.crc
-                    ),
-                )));
-            }
-            if let Some(page) = found.page {
-                page.set_known(found.slot, Known::CHECKED);
-            }
-        }
-        if zstd {
-            let lens = least..=most.min(self.limits.brick_bytes);
-            let inflated = supercompression::inflate(&bytes, lens, node.offset, "brick.payload")?;
-            return Ok(self.keep(key, inflated.into()));
-        }
-        if let Some(bytes) = self.stored_slice(node) {
-            if let (Some(page), Some(_)) = (found.page, layout.s3dc) {
-                page.set_known(found.slot, Known::direct(node.offset, layout_index).unwrap_or(Known::CHECKED));
-            }
-            return Ok(Payload::Slice(bytes));
-        }
-        Ok(self.keep(key, bytes.into()))
+        Ok(())
     }
 
-    fn keep(&self, key: Key, payload: Arc<[u8]>) -> Payload<'_> {
-        self.bricks.cache.insert(key, payload.clone());
-        Payload::Shared(payload)
+    /// The first use of a payload; `stored` are its bytes where a merged read has brought them already. Threads that want
+    /// the same payload wait for the one that reads it.
+    pub(super) fn payload_slow(&self, found: &Found<'_>, layout: usize, stored: Option<&[u8]>) -> Result<Payload<'_>> {
+        let node = found.node();
+        if let Some(stored) = stored {
+            return self.payload_of(found, layout, Cow::Borrowed(stored));
+        }
+        let read = || {
+            self.check_stored(node, self.codecs.layout(layout))?;
+            self.source.read(node.offset, node.stored_len as usize)
+        };
+        if self.is_lent(node) {
+            return self.payload_of(found, layout, read()?);
+        }
+        let key = Key::of(node, self.codecs.layout(layout));
+        // The guard is held while this thread reads and inflates, never while it waits for another thread's work.
+        match self.bricks.cache.get_value_or_guard(&key, None) {
+            GuardResult::Value(shared) => Ok(Payload::Shared(shared)),
+            GuardResult::Guard(guard) => self.fulfil(Claim { guard, layout }, found, &read()?),
+            GuardResult::Timeout => self.payload_of(found, layout, read()?),
+        }
+    }
+
+    /// Takes it on to bring a payload; `None` where it is there already or another thread is bringing it.
+    pub(super) fn claim(&self, found: &Found<'_>, layout: usize) -> Option<Claim<'_>> {
+        let key = Key::of(found.node(), self.codecs.layout(layout));
+        match self.bricks.cache.get_value_or_guard(&key, Some(Duration::ZERO)) {
+            GuardResult::Guard(guard) => Some(Claim { guard, layout }),
+            GuardResult::Value(_) | GuardResult::Timeout => None,
+        }
+    }
+
+    /// Keeps what was claimed, for all who wait for it; where it is damaged, they read it for themselves.
+    pub(super) fn fulfil(&self, claim: Claim<'_>, found: &Found<'_>, stored: &[u8]) -> Result<Payload<'_>> {
+        let shared = self.inflated(found, claim.layout, stored.into())?;
+        let _ = claim.guard.insert(shared.clone()); // it may be too large to be kept
+        Ok(Payload::Shared(shared))
+    }
+
+    /// The payload whose stored bytes these are; kept where it is not lent.
+    fn payload_of(&self, found: &Found<'_>, layout: usize, bytes: Cow<'_, [u8]>) -> Result<Payload<'_>> {
+        let node = found.node();
+        match self.stored_slice(node).filter(|_| self.is_lent(node)) {
+            Some(lent) => {
+                self.check_payload(found, &bytes)?;
+                if let (Some(page), Some(_)) = (found.page, &self.codecs.layout(layout).s3dc) {
+                    page.set_known(found.slot, Known::direct(node.offset, layout).unwrap_or(Known::CHECKED));
+                }
+                Ok(Payload::Slice(lent))
+            }
+            None => {
+                let shared = self.inflated(found, layout, bytes)?;
+                self.bricks.cache.insert(Key::of(node, self.codecs.layout(layout)), shared.clone());
+                Ok(Payload::Shared(shared))
+            }
+        }
+    }
+
+    /// Checks stored bytes and takes them out of their zstd frame.
+    fn inflated(&self, found: &Found<'_>, layout: usize, bytes: Cow<'_, [u8]>) -> Result<Arc<[u8]>> {
+        let node = found.node();
+        self.check_payload(found, &bytes)?;
+        if !node.flags.contains(NodeFlags::ZSTD) {
+            return Ok(bytes.into());
+        }
+        let [least, most] = self.codecs.layout(layout).payload_lens;
+        let lens = least..=most.min(self.limits.brick_bytes);
+        Ok(supercompression::inflate(&bytes, lens, node.offset, "brick.payload")?.into())
+    }
+
+    /// Holds stored bytes against their CRC, once for each brick.
+    fn check_payload(&self, found: &Found<'_>, bytes: &[u8]) -> Result<()> {
+        if found.is_checked() {
+            return Ok(());
+        }
+        let (node, computed) = (found.node(), crc32(bytes));
+        if computed != node.crc {
+            return Err(self.replaced_or(Error::at(
+                Code::BrickCrc,
+                node.offset,
+                "brick.payload",
+                format!(
+                    "CRC {computed:08x} computed, {:08x} stored; the brick is damaged, salvage reads the rest",
+                    node.crc
+                ),
+            )));
+        }
+        if let Some(page) = found.page {
+            page.set_known(found.slot, Known::CHECKED);
+        }
+        Ok(())
     }
 
     /// Bricks of the level that `at` names, per axis.

@@ -45,7 +45,39 @@ impl Counted {
             let range = start.and_then(|s| all.get(s..s.checked_add(len)?));
             return range.map(Cow::Borrowed).ok_or_else(|| self.short(offset, len));
         }
-        // The length is checked before the memory is asked for.
+        let mut out = self.buffer(offset, len)?;
+        self.source.read_at(offset, &mut out)?;
+        Ok(Cow::Owned(out))
+    }
+
+    /// As [`Counted::read`], for many ranges: side by side where the source is far away.
+    pub(super) fn read_many(&self, ranges: &[(u64, usize)]) -> Result<Vec<Cow<'_, [u8]>>> {
+        if self.source.as_slice().is_some() || ranges.len() < 2 {
+            return ranges.iter().map(|&(offset, len)| self.read(offset, len)).collect();
+        }
+        let mut buffers = ranges.iter().map(|&(offset, len)| self.buffer(offset, len)).collect::<Result<Vec<_>>>()?;
+        ranges.iter().for_each(|&(_, len)| self.count(len));
+        let mut parts: Vec<(u64, &mut [u8])> =
+            ranges.iter().zip(&mut buffers).map(|(&(offset, _), buffer)| (offset, buffer.as_mut_slice())).collect();
+        self.source.read_many(&mut parts)?;
+        Ok(buffers.into_iter().map(Cow::Owned).collect())
+    }
+
+    /// Bytes of the file as it is now, not as the source has kept them: one read.
+    pub(super) fn read_fresh(&self, offset: u64, len: usize) -> Result<Vec<u8>> {
+        self.count(len);
+        let mut out = self.buffer(offset, len)?;
+        self.source.read_fresh(offset, &mut out)?;
+        Ok(out)
+    }
+
+    /// How many ranges are best read at the same time.
+    pub(super) fn connections(&self) -> usize {
+        self.source.connections()
+    }
+
+    /// Memory for bytes that the source has: the length is checked before the memory is asked for.
+    fn buffer(&self, offset: u64, len: usize) -> Result<Vec<u8>> {
         if offset.checked_add(len as u64).is_none_or(|end| end > self.source.len()) {
             return Err(self.short(offset, len));
         }
@@ -53,8 +85,7 @@ impl Counted {
         out.try_reserve_exact(len)
             .map_err(|_| Error::at(Code::Limit, offset, "memory", format!("{len} bytes cannot be allocated")))?;
         out.resize(len, 0);
-        self.source.read_at(offset, &mut out)?;
-        Ok(Cow::Owned(out))
+        Ok(out)
     }
 
     fn short(&self, offset: u64, len: usize) -> Error {

@@ -57,6 +57,7 @@ mod codec_stats;
 mod codecs;
 mod counted;
 mod encode;
+mod fetch;
 mod open;
 mod options;
 mod pages;

@@ -168,7 +168,9 @@ impl Volume {
             return error;
         }
         let opened = &self.head.head_bytes[..crate::container::SUPERBLOCK_BYTES];
-        match self.source.read(0, crate::container::SUPERBLOCK_BYTES) {
+        match self.source.read_fresh(0, crate::container::SUPERBLOCK_BYTES) {
+            // The source has seen it by itself.
+            Err(e) if e.code() == Code::Replaced => e,
             // A source that fails now says nothing about the file.
             Err(_) => error,
             Ok(now) if *now == *opened => error,

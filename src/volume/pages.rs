@@ -1,6 +1,7 @@
 //! The index in memory: directory chunks and pages, each read when it is first needed (spec chapter 5).
 
 use super::counted::Counted;
+use super::fetch::{MERGE_GAP, MERGE_MAX};
 use crate::container::{self, CHUNK_PAGES, Head, Node, NodeKind, PageEntry};
 use crate::error::{Code, Error, Result};
 use crate::geometry::{morton8, unmorton8};
@@ -220,11 +221,56 @@ impl Pages {
         Ok(self.chunks[index].get_or_init(|| slots))
     }
 
+    /// Reads those pages that are not there yet, neighbouring ones together. A page that is damaged is left to
+    /// [`Pages::page`], which says so.
+    pub(super) fn load(&self, head: &Head, source: &Counted, ordinals: &[u64]) -> Result<()> {
+        let mut missing: Vec<(&PageSlot, u64)> = Vec::new();
+        for &ordinal in ordinals {
+            if let Some(slot) = self.slots(head, source, ordinal, 1)?.and_then(<[PageSlot]>::first)
+                && !slot.entry.is_empty()
+                && slot.page.get().is_none()
+                && head.resident(slot.entry.offset, slot.entry.byte_len() as u64).is_none()
+            {
+                missing.push((slot, ordinal));
+            }
+        }
+        if missing.len() < 2 {
+            return Ok(());
+        }
+        missing.sort_by_key(|(slot, _)| slot.entry.offset);
+        let mut runs: Vec<(u64, u64, usize)> = Vec::new();
+        for (i, (slot, _)) in missing.iter().enumerate() {
+            let (start, end) = (slot.entry.offset, slot.entry.offset.saturating_add(slot.entry.byte_len() as u64));
+            match runs.last_mut() {
+                Some(run) if start <= run.1.saturating_add(MERGE_GAP) && end.max(run.1) - run.0 <= MERGE_MAX => {
+                    (run.1, run.2) = (run.1.max(end), i + 1);
+                }
+                _ => runs.push((start, end, i + 1)),
+            }
+        }
+        let ranges: Vec<_> =
+            runs.iter().map(|run| (run.0, usize::try_from(run.1 - run.0).expect("at most MERGE_MAX"))).collect();
+        let mut rest = &missing[..];
+        for (bytes, run) in source.read_many(&ranges)?.iter().zip(&runs) {
+            let (now, later) = rest.split_at(run.2 - (missing.len() - rest.len()));
+            for (slot, ordinal) in now {
+                let from = usize::try_from(slot.entry.offset - run.0).expect("inside the run");
+                let bytes = &bytes[from..from + slot.entry.byte_len()];
+                if self.has_room(head, slot)
+                    && let Ok(nodes) = container::parse_page(bytes, &slot.entry, *ordinal, head)
+                {
+                    self.put(head, slot, nodes);
+                }
+            }
+            rest = later;
+        }
+        Ok(())
+    }
+
     #[cold]
     fn load_page<'a>(&self, head: &Head, source: &Counted, slot: &'a PageSlot, ordinal: u64) -> Result<&'a Page> {
         let len = slot.entry.byte_len();
-        let section = head.section_range(*b"PAGE");
-        if self.loaded.load(Ordering::SeqCst) + len as u64 > section.end - section.start {
+        if !self.has_room(head, slot) {
             // Another thread may have loaded and counted this very page in the meantime.
             return slot.page.get().ok_or_else(|| {
                 Error::at(
@@ -239,10 +285,20 @@ impl Pages {
             Some(bytes) => container::parse_page(bytes, &slot.entry, ordinal, head)?,
             None => container::parse_page(&source.read(slot.entry.offset, len)?, &slot.entry, ordinal, head)?,
         };
+        self.put(head, slot, nodes);
+        Ok(slot.page.get().expect("set by this thread or another"))
+    }
+
+    /// Whether another page may be loaded: all of them are no longer than their section.
+    fn has_room(&self, head: &Head, slot: &PageSlot) -> bool {
+        let section = head.section_range(*b"PAGE");
+        self.loaded.load(Ordering::SeqCst) + slot.entry.byte_len() as u64 <= section.end - section.start
+    }
+
+    fn put(&self, head: &Head, slot: &PageSlot, nodes: Vec<Node>) {
         // Counted by the one thread whose page stays.
         if slot.page.set(Page::new(nodes, head.descriptor.null_sample().to_raw())).is_ok() {
-            self.loaded.fetch_add(len as u64, Ordering::SeqCst);
+            self.loaded.fetch_add(slot.entry.byte_len() as u64, Ordering::SeqCst);
         }
-        Ok(slot.page.get().expect("set by this thread or another"))
     }
 }

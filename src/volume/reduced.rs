@@ -3,8 +3,9 @@
 //! These are not levels of the octree: they cost no bytes, and only codecs that hold means have them.
 
 use super::At;
+use super::fetch::{Content, Part};
 use super::open::Volume;
-use super::region::{Content, Part, fill};
+use super::region::fill;
 use crate::codec::zerobit::check_steps;
 use crate::error::{Error, Result};
 use crate::geometry::{Extent, Region};
@@ -45,15 +46,19 @@ impl Volume {
         let mut rest = grid.view_mut();
         let mut z = fine.start[2];
         while z < fine.end[2] {
-            let (parts, end) = self.stage(at, &fine, z)?;
+            let stage = self.stage(at, &fine, z)?;
+            let end = stage.end;
             // Bricks end at multiples of 16: only the level's end can lie inside a group.
             let (now, later) = rest.split_at_z(end.div_ceil(1 << steps) - (z >> steps));
             decode_parts(
-                &parts,
+                &stage.parts,
                 steps,
                 now,
                 &Region { start: [region.start[0], region.start[1], z >> steps], ..region },
             )?;
+            if let Some(e) = stage.error {
+                return Err(e);
+            }
             (rest, z) = (later, end);
         }
         Ok(grid)

@@ -1,7 +1,6 @@
 //! Reading boxes: regions, planes, blocks, bricks, whole levels.
 
-use super::bricks::{Found, Payload};
-use super::codecs::Entry;
+use super::fetch::{Content, Part, Stage};
 use super::open::Volume;
 use super::{At, Axis};
 use crate::codec::{BrickPart, Codec, Stores, zerobit};
@@ -10,35 +9,15 @@ use crate::error::{Code, Error, Result};
 use crate::geometry::{Coord, Extent, Region};
 use crate::grid::{Grid, ViewMut, dense_len};
 use crate::limits;
-use crate::voxel::SampleValue;
+use crate::voxel::{SampleType, SampleValue};
 use rayon::prelude::*;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc;
 
-/// Ranges closer together than this are read in one go: leader, guard and alignment of neighbouring bricks.
-const MERGE_GAP: u64 = 512;
-/// Longest merged read, in bytes.
-const MERGE_MAX: u64 = 8 << 20;
 /// Bricks that are decoded side by side at most.
 const SIDE_BY_SIDE: usize = 4;
 /// Results from this size on do not fit a cache: they are written past it.
 const STREAMING_BYTES: usize = 8 << 20;
-/// Payload bytes held in copies at a time while a region is read.
-const STAGE_BYTES: u64 = 256 << 20;
-
-/// What fills a part of the region.
-pub(super) enum Content<'a> {
-    Constant(SampleValue),
-    Stored { entry: &'a Entry, layout: usize, extent: Extent, payload: Option<Payload<'a>> },
-}
-
-/// One brick's share of a region.
-pub(super) struct Part<'a> {
-    /// First voxel of the brick, in the level's voxels.
-    pub(super) origin: Coord,
-    found: Found<'a>,
-    pub(super) content: Content<'a>,
-    /// The wanted part of the brick, in the level's voxels.
-    pub(super) region: Region,
-}
 
 impl Volume {
     /// Reads a box of voxels.
@@ -140,19 +119,49 @@ impl Volume {
                 ),
             ));
         }
+        if self.source.connections() > 1 {
+            return self.read_ahead(at, region, dst);
+        }
         let mut rest = dst;
         let mut z = region.start[2];
         while z < region.end[2] {
-            let (parts, end) = self.stage(at, &region, z)?;
-            let (now, later) = rest.split_at_z(end - z);
-            decode_parts(
-                &parts,
-                now,
-                &Region { start: [region.start[0], region.start[1], z], end: [region.end[0], region.end[1], end] },
-            )?;
-            (rest, z) = (later, end);
+            let stage = self.stage(at, &region, z)?;
+            (rest, z) = decode_stage(stage, rest, &region, z)?;
         }
         Ok(())
+    }
+
+    /// Fetches one group of bricks while the one before it is decoded.
+    fn read_ahead(&self, at: At, region: Region, dst: ViewMut<'_>) -> Result<()> {
+        let cancelled = AtomicBool::new(false);
+        let first = self.group(at, &region, region.start[2], &cancelled)?;
+        if first.end == region.end[2] {
+            return decode_stage(first, dst, &region, region.start[2]).map(|_| ());
+        }
+        std::thread::scope(|scope| {
+            // One group waits at most: memory for three.
+            let (send, receive) = mpsc::sync_channel(1);
+            let (cancelled, from) = (&cancelled, first.end);
+            scope.spawn(move || {
+                let mut z = from;
+                while z < region.end[2] {
+                    let stage = self.group(at, &region, z, cancelled);
+                    z = stage.as_ref().map_or(region.end[2], |stage| stage.end);
+                    if send.send(stage).is_err() {
+                        return; // nobody wants it any more
+                    }
+                }
+            });
+            let decode = || {
+                let mut rest = dst;
+                let mut z = region.start[2];
+                for stage in std::iter::once(Ok(first)).chain(receive) {
+                    (rest, z) = decode_stage(stage?, rest, &region, z)?;
+                }
+                Ok(())
+            };
+            decode().inspect_err(|_| cancelled.store(true, Ordering::Relaxed))
+        })
     }
 
     pub(super) fn check_brick(&self, at: At, brick: Coord) -> Result<()> {
@@ -163,95 +172,6 @@ impl Volume {
         }
         Err(Error::new(Code::Range, "brick", format!("brick {brick:?} (x, y, z) is not among {bricks} bricks")))
     }
-
-    /// Fetches as many whole layers of bricks from plane `z` on as fit the staging budget (at least one).
-    pub(super) fn stage(&self, at: At, region: &Region, z: u32) -> Result<(Vec<Part<'_>>, u32)> {
-        let tree = self.tree(at)?;
-        let log2 = self.info().brick_log2;
-        let mut parts = Vec::new();
-        let mut copied = 0;
-        let mut end = z;
-        while end < region.end[2] {
-            let bz = end >> log2;
-            let first = parts.len();
-            for by in region.start[1] >> log2..=(region.end[1] - 1) >> log2 {
-                for bx in region.start[0] >> log2..=(region.end[0] - 1) >> log2 {
-                    parts.push(self.part(at, tree, [bx, by, bz], region)?);
-                }
-            }
-            self.fetch(&mut parts[first..])?;
-            end = ((bz + 1) << log2).min(region.end[2]);
-            copied += parts[first..].iter().map(copied_bytes).sum::<u64>();
-            if copied * 2 > STAGE_BYTES {
-                break;
-            }
-        }
-        Ok((parts, end))
-    }
-
-    fn part(&self, at: At, tree: u32, brick: Coord, region: &Region) -> Result<Part<'_>> {
-        let found = self.find(tree, at.lod, brick)?;
-        let node = found.node();
-        let content = match node.kind {
-            NodeKind::Empty => Content::Constant(self.info().null_sample()),
-            NodeKind::Constant => Content::Constant(node.constant(self.info().sample_type)?),
-            NodeKind::Stored => {
-                let (entry, layout) = self.codec_of(node, at.lod, brick)?;
-                Content::Stored { entry, layout, extent: self.codecs.layout(layout).extent, payload: None }
-            }
-        };
-        let region = self.head.octree.brick_region(at.lod, brick).intersect(region);
-        Ok(Part { origin: brick.map(|b| b << self.info().brick_log2), found, content, region })
-    }
-
-    fn is_missing(&self, part: &Part<'_>) -> bool {
-        matches!(part.content, Content::Stored { layout, .. } if self.wants_read(part.found.node(), layout))
-    }
-
-    /// Brings the payloads of stored parts: neighbouring ranges in one read, checks and inflation in parallel.
-    fn fetch<'a>(&'a self, parts: &mut [Part<'a>]) -> Result<()> {
-        let mut missing: Vec<usize> = (0..parts.len()).filter(|&i| self.is_missing(&parts[i])).collect();
-        missing.sort_by_key(|&i| parts[i].found.node().offset);
-        // Offsets are untrusted: here they must only not overflow, the read itself checks them.
-        let end_of = |i: usize| {
-            let node = parts[i].found.node();
-            node.offset.saturating_add(u64::from(node.stored_len))
-        };
-        let mut runs: Vec<(u64, u64, Vec<usize>)> = Vec::new();
-        for i in missing {
-            let (start, end) = (parts[i].found.node().offset, end_of(i));
-            match runs.last_mut() {
-                Some(run) if start <= run.1.saturating_add(MERGE_GAP) && end.max(run.1) - run.0 <= MERGE_MAX => {
-                    run.1 = run.1.max(end);
-                    run.2.push(i);
-                }
-                _ => runs.push((start, end, vec![i])),
-            }
-        }
-        let mut merged: Vec<Option<(usize, usize)>> = vec![None; parts.len()];
-        let mut buffers = Vec::with_capacity(runs.len());
-        for (start, end, members) in runs {
-            if members.len() == 1 {
-                continue; // `payload_slow` reads it, with its own checks first
-            }
-            let len = usize::try_from(end - start).expect("at most MERGE_MAX or one brick");
-            buffers.push(self.source.read(start, len)?);
-            for i in members {
-                let from = usize::try_from(parts[i].found.node().offset - start).expect("inside the run");
-                merged[i] = Some((buffers.len() - 1, from));
-            }
-        }
-        parts.par_iter_mut().enumerate().try_for_each(|(i, part)| {
-            let Content::Stored { layout, payload, .. } = &mut part.content else { return Ok(()) };
-            let len = part.found.node().stored_len as usize;
-            let stored = merged[i].map(|(buffer, from)| &buffers[buffer][from..from + len]);
-            *payload = Some(match stored {
-                Some(_) => self.payload_slow(&part.found, *layout, stored)?,
-                None => self.payload(&part.found, *layout)?,
-            });
-            Ok(())
-        })
-    }
 }
 
 /// The box of a grid of `block`s from the brick's first voxel on that holds `c`, cropped to the brick.
@@ -261,11 +181,29 @@ fn box_at(brick: &Region, block: Extent, c: Coord) -> Region {
     Region::at(start, block).intersect(brick)
 }
 
-fn copied_bytes(part: &Part<'_>) -> u64 {
-    match &part.content {
-        Content::Stored { payload: Some(Payload::Shared(bytes)), .. } => bytes.len() as u64,
-        _ => 0,
+/// Decodes the planes of `region` from `z` on that the stage holds into the front of `dst`; returns the rest, and its first
+/// plane.
+fn decode_stage<'d>(stage: Stage<'_>, dst: ViewMut<'d>, region: &Region, z: u32) -> Result<(ViewMut<'d>, u32)> {
+    let sample_type = dst.sample_type;
+    let (now, later) = dst.split_at_z(stage.end - z);
+    let planes =
+        Region { start: [region.start[0], region.start[1], z], end: [region.end[0], region.end[1], stage.end] };
+    // Which of several damaged bricks is found first depends on the threads: the first in order is reported.
+    decode_parts(&stage.parts, now, &planes).map_err(|e| first_error(&stage.parts, sample_type).unwrap_or(e))?;
+    match stage.error {
+        Some(e) => Err(e),
+        None => Ok((later, stage.end)),
     }
+}
+
+/// The error of the first part that cannot be decoded.
+fn first_error(parts: &[Part<'_>], sample_type: SampleType) -> Option<Error> {
+    parts.iter().find_map(|part| {
+        let Content::Stored { entry, extent, payload: Some(payload), .. } = &part.content else { return None };
+        let mut scratch = Grid::zeros(part.region.extent(), sample_type).ok()?;
+        let wanted = relative(&part.region, part.origin);
+        entry.codec().decode(payload, *extent, &wanted, scratch.view_mut()).err()
+    })
 }
 
 /// Decodes all parts of `region` into `dst`, in bands of z that threads share out.

@@ -1,0 +1,273 @@
+//! Bringing the payloads of many bricks: those of neighbours in one read, several reads at a time where the source is far
+//! away.
+//!
+//! Bricks are taken in groups of whole layers. What a group is depends on the file alone, so that every source reads the
+//! same ranges and reports the same errors.
+
+use super::At;
+use super::bricks::{Claim, Found, Payload};
+use super::codecs::Entry;
+use super::open::Volume;
+use crate::container::NodeKind;
+use crate::error::{Code, Error, Result};
+use crate::geometry::{Coord, Extent, Region};
+use crate::source::side_by_side;
+use crate::voxel::SampleValue;
+use rayon::prelude::*;
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Ranges closer together than this are read in one go: leader, guard and alignment of neighbouring bricks.
+pub(super) const MERGE_GAP: u64 = 512;
+/// Longest merged read, in bytes.
+pub(super) const MERGE_MAX: u64 = 4 << 20;
+/// Stored bytes from which on a group is complete: work for all connections to a distant source.
+const GROUP_BYTES: u64 = 24 << 20;
+/// Bricks from which on a group is complete, where next to nothing is stored.
+const GROUP_BRICKS: usize = 1 << 16;
+/// Payload bytes held in copies at a time while a region is read.
+const STAGE_BYTES: u64 = 256 << 20;
+
+/// What fills a part of the region.
+pub(super) enum Content<'a> {
+    Constant(SampleValue),
+    Stored { entry: &'a Entry, layout: usize, extent: Extent, payload: Option<Payload<'a>> },
+}
+
+/// One brick's share of a region.
+pub(super) struct Part<'a> {
+    /// First voxel of the brick, in the level's voxels.
+    pub(super) origin: Coord,
+    found: Found<'a>,
+    pub(super) content: Content<'a>,
+    /// The wanted part of the brick, in the level's voxels.
+    pub(super) region: Region,
+}
+
+/// Whole layers of bricks, ready to be decoded.
+pub(super) struct Stage<'a> {
+    pub(super) parts: Vec<Part<'a>>,
+    /// The plane behind the last of `parts`.
+    pub(super) end: u32,
+    /// Why there are no more: to be reported after `parts` have been decoded, which comes first in the region.
+    pub(super) error: Option<Error>,
+}
+
+/// Neighbouring payloads.
+struct Run {
+    start: u64,
+    end: u64,
+    /// Indices of parts.
+    members: Vec<usize>,
+}
+
+impl Volume {
+    /// Fetches as many whole layers of bricks from plane `z` on as fit the staging budget (at least one).
+    ///
+    /// # Errors
+    /// Those of the first layers; later ones come in [`Stage::error`].
+    pub(super) fn stage(&self, at: At, region: &Region, z: u32) -> Result<Stage<'_>> {
+        let mut stage = self.group(at, region, z, &AtomicBool::new(false))?;
+        let mut copied = stage.parts.iter().map(copied_bytes).sum::<u64>();
+        while stage.end < region.end[2] && copied * 2 <= STAGE_BYTES {
+            match self.group(at, region, stage.end, &AtomicBool::new(false)) {
+                Ok(more) => {
+                    copied += more.parts.iter().map(copied_bytes).sum::<u64>();
+                    stage.parts.extend(more.parts);
+                    stage.end = more.end;
+                }
+                Err(e) => {
+                    stage.error = Some(e);
+                    break;
+                }
+            }
+        }
+        Ok(stage)
+    }
+
+    /// Fetches the next group of layers from plane `z` on. Nothing new is asked for once `cancelled` is set.
+    pub(super) fn group(&self, at: At, region: &Region, z: u32, cancelled: &AtomicBool) -> Result<Stage<'_>> {
+        let tree = self.tree(at)?;
+        let log2 = self.info().brick_log2;
+        let [bx, by] = [0, 1].map(|a| [region.start[a] >> log2, (region.end[a] - 1) >> log2]);
+        let mut parts = Vec::new();
+        let (mut stored, mut end) = (0u64, z);
+        while end < region.end[2] && stored < GROUP_BYTES && parts.len() < GROUP_BRICKS {
+            let bz = end >> log2;
+            self.load_pages(tree, at.lod, [bx[0], by[0], bz], [bx[1], by[1], bz])?;
+            for y in by[0]..=by[1] {
+                for x in bx[0]..=bx[1] {
+                    let part = self.part(at, tree, [x, y, bz], region)?;
+                    if let Content::Stored { .. } = part.content {
+                        stored += u64::from(part.found.node().stored_len);
+                    }
+                    parts.push(part);
+                }
+            }
+            end = ((bz + 1) << log2).min(region.end[2]);
+        }
+        self.fetch(&mut parts, cancelled)?;
+        Ok(Stage { parts, end, error: None })
+    }
+
+    fn part(&self, at: At, tree: u32, brick: Coord, region: &Region) -> Result<Part<'_>> {
+        let found = self.find(tree, at.lod, brick)?;
+        let node = found.node();
+        let content = match node.kind {
+            NodeKind::Empty => Content::Constant(self.info().null_sample()),
+            NodeKind::Constant => Content::Constant(node.constant(self.info().sample_type)?),
+            NodeKind::Stored => {
+                let (entry, layout) = self.codec_of(node, at.lod, brick)?;
+                Content::Stored { entry, layout, extent: self.codecs.layout(layout).extent, payload: None }
+            }
+        };
+        let region = self.head.octree.brick_region(at.lod, brick).intersect(region);
+        Ok(Part { origin: brick.map(|b| b << self.info().brick_log2), found, content, region })
+    }
+
+    /// The ranges to read: of parts whose payload is not there yet and whose node does not forbid to read it.
+    fn runs(&self, parts: &[Part<'_>]) -> Vec<Run> {
+        let is_missing = |part: &Part<'_>| match part.content {
+            Content::Stored { layout, .. } => self.wants_read(&part.found, layout),
+            Content::Constant(_) => false,
+        };
+        let mut missing: Vec<usize> = (0..parts.len()).filter(|&i| is_missing(&parts[i])).collect();
+        missing.sort_by_key(|&i| parts[i].found.node().offset);
+        let mut runs: Vec<Run> = Vec::new();
+        for i in missing {
+            let node = parts[i].found.node();
+            // Offsets are untrusted: here they must only not overflow, the read itself checks them.
+            let (start, end) = (node.offset, node.offset.saturating_add(u64::from(node.stored_len)));
+            match runs.last_mut() {
+                Some(run)
+                    if end <= run.end || start <= run.end.saturating_add(MERGE_GAP) && end - run.start <= MERGE_MAX =>
+                {
+                    run.end = run.end.max(end);
+                    run.members.push(i);
+                }
+                _ => runs.push(Run { start, end, members: vec![i] }),
+            }
+        }
+        runs
+    }
+
+    /// Brings the payloads of stored parts, checked and inflated.
+    ///
+    /// # Errors
+    /// That of the first part in order; those of the source itself at once.
+    fn fetch<'a>(&'a self, parts: &mut [Part<'a>], cancelled: &AtomicBool) -> Result<()> {
+        let runs = self.runs(parts);
+        if self.source.connections() > 1 && !runs.is_empty() {
+            self.fetch_far(parts, &runs, cancelled)?;
+            return self.complete(parts, &[], &[]);
+        }
+        let mut merged: Vec<Option<(usize, usize)>> = vec![None; parts.len()];
+        let mut buffers = Vec::with_capacity(runs.len());
+        for run in runs {
+            if run.members.len() == 1 && self.source.as_slice().is_none() {
+                continue; // it is read where it is checked, in parallel
+            }
+            let len = usize::try_from(run.end - run.start).expect("at most MERGE_MAX or one brick");
+            buffers.push(self.source.read(run.start, len)?);
+            for i in run.members {
+                let from = usize::try_from(parts[i].found.node().offset - run.start).expect("inside the run");
+                merged[i] = Some((buffers.len() - 1, from));
+            }
+        }
+        self.complete(parts, &merged, &buffers)
+    }
+
+    /// Gives every stored part its payload: from the buffers, else from the cache or by a read of its own.
+    fn complete<'a>(
+        &'a self,
+        parts: &mut [Part<'a>],
+        merged: &[Option<(usize, usize)>],
+        buffers: &[std::borrow::Cow<'_, [u8]>],
+    ) -> Result<()> {
+        let bring = |(i, part): (usize, &mut Part<'a>)| {
+            let Content::Stored { layout, payload, .. } = &mut part.content else { return None };
+            if payload.is_some() {
+                return None;
+            }
+            let len = part.found.node().stored_len as usize;
+            let stored = merged.get(i).copied().flatten().map(|(buffer, from)| &buffers[buffer][from..from + len]);
+            let brought = match stored {
+                Some(_) => self.payload_slow(&part.found, *layout, stored),
+                None => self.payload(&part.found, *layout),
+            };
+            match brought {
+                Ok(brought) => {
+                    *payload = Some(brought);
+                    None
+                }
+                Err(e) => Some((i, e)),
+            }
+        };
+        // The first error in order, however many threads there are.
+        let first = parts.par_iter_mut().enumerate().filter_map(bring).min_by_key(|(i, _)| *i);
+        first.map_or(Ok(()), |(_, e)| Err(e))
+    }
+
+    /// Brings what nobody else is bringing, several ranges at a time; each is checked and inflated by the thread that
+    /// waited for it.
+    fn fetch_far<'a>(&'a self, parts: &mut [Part<'a>], runs: &[Run], cancelled: &AtomicBool) -> Result<()> {
+        // Claims are given back before anything waits for those of others: no two threads wait for each other.
+        let jobs: Vec<(u64, u64, Vec<(usize, Claim<'_>)>)> = runs
+            .iter()
+            .filter_map(|run| {
+                let claim = |&i: &usize| match parts[i].content {
+                    Content::Stored { layout, .. } => Some((i, self.claim(&parts[i].found, layout)?)),
+                    Content::Constant(_) => None,
+                };
+                let claims: Vec<_> = run.members.iter().filter_map(claim).collect();
+                let ends = claims.iter().map(|(i, _)| {
+                    let node = parts[*i].found.node();
+                    (node.offset, node.offset + u64::from(node.stored_len))
+                });
+                let (start, end) = ends.reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))?;
+                Some((start, end, claims))
+            })
+            .collect();
+        let brought: Mutex<Vec<(usize, Result<Payload<'a>>)>> = Mutex::default();
+        let shared: &[Part<'a>] = parts;
+        let width = self.source.connections();
+        side_by_side(width, jobs.into_iter(), |(start, end, claims)| {
+            if cancelled.load(Ordering::Relaxed) {
+                return Err(Error::new(Code::Source, "region", "reading ahead was given up"));
+            }
+            let bytes =
+                self.source.read(start, usize::try_from(end - start).expect("at most MERGE_MAX or one brick"))?;
+            for (i, claim) in claims {
+                let part = &shared[i];
+                let from = usize::try_from(part.found.node().offset - start).expect("inside the run");
+                let stored = &bytes[from..from + part.found.node().stored_len as usize];
+                let payload = self.fulfil(claim, &part.found, stored);
+                brought.lock().unwrap_or_else(std::sync::PoisonError::into_inner).push((i, payload));
+            }
+            Ok(())
+        })?;
+        let mut brought = brought.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
+        brought.sort_by_key(|(i, _)| *i);
+        let mut first = None;
+        for (i, result) in brought {
+            match (&mut parts[i].content, result) {
+                (Content::Stored { payload, .. }, Ok(found)) => *payload = Some(found),
+                (_, Ok(_)) => {}
+                (_, Err(e)) => {
+                    first.get_or_insert((i, e));
+                }
+            }
+        }
+        let Some((bad, error)) = first else { return Ok(()) };
+        // A part before it may fail as well, once it is read.
+        self.complete(&mut parts[..bad], &[], &[])?;
+        Err(error)
+    }
+}
+
+fn copied_bytes(part: &Part<'_>) -> u64 {
+    match &part.content {
+        Content::Stored { payload: Some(Payload::Shared(bytes)), .. } => bytes.len() as u64,
+        _ => 0,
+    }
+}
