@@ -68,6 +68,7 @@ mod salvage;
 mod selection;
 mod shortcut;
 mod slabs;
+mod times;
 mod verify;
 mod voxels;
 mod writer;
