@@ -3,11 +3,12 @@
 use crate::cli::args::{
     CodecArg, Encode, EndpointsArg, Import, NanArg, NormArg, StreamArg, ThresholdArg, TrainingArg, ZerobitArgs,
 };
+use crate::cli::fetch;
 use crate::cli::load::{check_import, import_options, load};
 use crate::cli::output::{Verdict, bytes_text, number, progress, psnr_text};
 use crate::codec::s3dc::Endpoints;
 use crate::codec::zerobit;
-use crate::convert::{self, Format, Kind};
+use crate::convert::{Format, Kind};
 use crate::error::{Error, Result};
 use crate::geometry::Extent;
 use crate::source::AtomicFile;
@@ -21,7 +22,7 @@ const DEFAULT_KEEP: u32 = 30_000;
 
 pub(super) fn run(args: &Encode) -> Result<Verdict> {
     check(args)?;
-    let mut source = convert::import(&args.source, &import_options(&args.source, &args.import)?)?;
+    let mut source = fetch::import(&args.source, &import_options(&args.source, &args.import)?)?;
     let mut options = options(args);
     if args.codec.is_none() && !is_zerobit(args) && source.reader.sample_type() == SampleType::Rgb8 {
         options.codec = CodecChoice::Auto; // s3dc is for scalars
@@ -60,7 +61,7 @@ pub(super) fn run(args: &Encode) -> Result<Verdict> {
 /// How a mask is read: `--shape` and `--dtype` are for the source. A raw mask has its shape, and a byte per voxel.
 fn of_mask(mask: &Path, shape: Extent) -> Import {
     let raw = Format::of_path(mask) == Some(Format::Raw);
-    Import { shape: raw.then_some(shape), dtype: raw.then(|| Kind::U8.into()) }
+    Import { shape: raw.then_some(shape), dtype: raw.then(|| Kind::U8.into()), ..Import::default() }
 }
 
 /// What no codec would notice: a target that would destroy the source or mislead, options that have no effect.
