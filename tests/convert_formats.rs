@@ -51,7 +51,7 @@ fn samples_survive_every_format() {
         let grid = grid(t);
         for (ending, _) in ENDINGS {
             let path = temp.path().join(format!("{t}.{ending}"));
-            let info = ExportInfo { placement: &Placement::default(), value_map: ValueMap::default(), header: None };
+            let info = ExportInfo { placement: &Placement::default(), value_map: ValueMap::default(), times: None, header: None };
             export(&path, &grid, &info).unwrap();
             let (back, import) = load(&path, &options(t)).unwrap();
             assert!(back.bytes() == grid.bytes() && back.extent() == EXTENT, "{t} {ending}");
@@ -85,7 +85,7 @@ fn placements_survive_where_the_format_can_hold_them() {
     for placement in placements() {
         for (ending, _) in ENDINGS.iter().filter(|(_, places)| *places) {
             let path = temp.path().join(format!("p.{ending}"));
-            export(&path, &grid(SampleType::U8), &ExportInfo { placement: &placement, value_map, header: None })
+            export(&path, &grid(SampleType::U8), &ExportInfo { placement: &placement, value_map, times: None, header: None })
                 .unwrap();
             let (_, back) = load(&path, &ImportOptions::default()).unwrap();
             assert_eq!(back.value_map, value_map, "{ending}");
@@ -120,13 +120,13 @@ fn every_f64_survives_nrrd() {
     p.matrix[0][1] = std::f64::consts::PI * 1e-5;
     p.space = Space::Lps;
     let value_map = ValueMap { scale: 0.1, offset: 1e-17 };
-    export(&path, &grid(SampleType::U8), &ExportInfo { placement: &p, value_map, header: None }).unwrap();
+    export(&path, &grid(SampleType::U8), &ExportInfo { placement: &p, value_map, times: None, header: None }).unwrap();
     let (_, back) = load(&path, &ImportOptions::default()).unwrap();
     assert_eq!((back.placement, back.value_map), (p, value_map));
     // What nobody knows stays unknown: in a known space, too.
     for space in Space::ALL {
         let p = Placement { space: *space, ..Placement::default() };
-        export(&path, &grid(SampleType::Rgb8), &ExportInfo { placement: &p, value_map, header: None }).unwrap();
+        export(&path, &grid(SampleType::Rgb8), &ExportInfo { placement: &p, value_map, times: None, header: None }).unwrap();
         assert_eq!(load(&path, &ImportOptions::default()).unwrap().1.placement, p);
     }
 }
@@ -140,7 +140,7 @@ fn long_axes_and_far_places_become_nifti_2() {
     let mut place = Placement::from_spacing([0.1, 0.2, 0.3], [1e300, 0.1, 0.2]);
     place.space = Space::Ras;
     for grid in [long, far] {
-        let info = ExportInfo { placement: &place, value_map: ValueMap::default(), header: None };
+        let info = ExportInfo { placement: &place, value_map: ValueMap::default(), times: None, header: None };
         export(&path, &grid, &info).unwrap();
         assert_eq!(std::fs::read(&path).unwrap()[..4], 540i32.to_le_bytes());
         let (back, import) = load(&path, &ImportOptions::default()).unwrap();
@@ -166,7 +166,7 @@ fn headers_are_kept_and_put_back() {
         let path = temp.path().join(format!("b.{ending}"));
         // Through the text of META, as a file would.
         let header: serde_json::Value = serde_json::from_str(&first.header.to_string()).unwrap();
-        let info = ExportInfo { placement: &first.placement, value_map: first.value_map, header: Some(&header) };
+        let info = ExportInfo { placement: &first.placement, value_map: first.value_map, times: None, header: Some(&header) };
         export(&path, &grid, &info).unwrap();
         let (_, second) = load(&path, &ImportOptions::default()).unwrap();
         for key in ["comments", "key_values"] {
@@ -179,7 +179,7 @@ fn headers_are_kept_and_put_back() {
     }
     // What a NIfTI header has a place for.
     let nii = temp.path().join("c.nii");
-    let info = ExportInfo { placement: &first.placement, value_map: first.value_map, header: Some(&first.header) };
+    let info = ExportInfo { placement: &first.placement, value_map: first.value_map, times: None, header: Some(&first.header) };
     export(&nii, &grid, &info).unwrap();
     assert_eq!(load(&nii, &ImportOptions::default()).unwrap().1.header["descrip"], "head: of N.N.");
     // Without the header, nothing of it is left.
@@ -199,7 +199,7 @@ fn a_hostile_header_object_cannot_break_the_file() {
         for (ending, _) in ENDINGS {
             let path = temp.path().join(format!("h.{ending}"));
             let place = Placement::from_spacing([1.0; 3], [0.0; 3]);
-            let info = ExportInfo { placement: &place, value_map: ValueMap::default(), header: Some(header) };
+            let info = ExportInfo { placement: &place, value_map: ValueMap::default(), times: None, header: Some(header) };
             export(&path, &grid(SampleType::U16), &info).unwrap();
             let (back, _) = load(&path, &options(SampleType::U16)).unwrap();
             assert!(back.bytes() == grid(SampleType::U16).bytes(), "{ending}");
@@ -213,7 +213,7 @@ fn a_region_of_a_nifti_file_gets_its_own_place() {
     let path = temp.path().join("a.nii");
     let mut place = Placement::from_spacing([1.0, 2.0, 4.0], [5.0, 6.0, 7.0]);
     place.space = Space::Ras;
-    let info = ExportInfo { placement: &place, value_map: ValueMap::default(), header: None };
+    let info = ExportInfo { placement: &place, value_map: ValueMap::default(), times: None, header: None };
     export(&path, &grid(SampleType::U8), &info).unwrap();
     let (_, first) = load(&path, &ImportOptions::default()).unwrap();
     let mut moved = place.clone();
@@ -237,7 +237,7 @@ fn the_crate_nifti_reads_our_files() {
         for ending in ["nii", "nii.gz", "hdr"] {
             let path = temp.path().join(format!("{t}.{ending}"));
             let grid = grid(t);
-            export(&path, &grid, &ExportInfo { placement: &place, value_map, header: None }).unwrap();
+            export(&path, &grid, &ExportInfo { placement: &place, value_map, times: None, header: None }).unwrap();
             let object = ReaderOptions::new().read_file(&path).unwrap();
             let h = object.header();
             assert_eq!(
@@ -258,11 +258,11 @@ fn the_crate_nifti_reads_our_files() {
 #[test]
 fn a_pair_is_two_files_and_the_header_comes_last() {
     let place = Placement::default();
-    let info = ExportInfo { placement: &place, value_map: ValueMap::default(), header: None };
+    let info = ExportInfo { placement: &place, value_map: ValueMap::default(), times: None, header: None };
     let target = Target::of_path(Path::new("dir/a.nhdr")).unwrap();
     let mut parts = [Vec::new(), Vec::new()];
     for (i, part) in parts.iter_mut().enumerate() {
-        target.write(i, &mut std::io::Cursor::new(part), &grid(SampleType::U8), &info).unwrap();
+        target.write(i, &mut std::io::Cursor::new(part), &mut grid(SampleType::U8), &info).unwrap();
     }
     assert_eq!(parts[0], grid(SampleType::U8).bytes());
     assert!(String::from_utf8_lossy(&parts[1]).ends_with("data file: a.raw\n"));
@@ -349,7 +349,7 @@ fn big_endian_nifti_1() {
     let mut place = Placement::from_spacing([1.0, 2.0, 4.0], [5.0, 6.0, 7.0]);
     (place.space, place.unit) = (Space::Ras, Unit::Metre);
     let value_map = ValueMap { scale: 2.0, offset: -1.0 };
-    export(&path, &grid, &ExportInfo { placement: &place, value_map, header: None }).unwrap();
+    export(&path, &grid, &ExportInfo { placement: &place, value_map, times: None, header: None }).unwrap();
     let mut bytes = std::fs::read(&path).unwrap();
     // Offset, width and number of the header's fields (nifti1.h).
     for (at, width, count) in [
@@ -387,7 +387,7 @@ fn nifti_headers_are_kept_and_put_back() {
     });
     let path = temp.path().join("a.nii");
     let write = |placement: &Placement, header: &serde_json::Value| {
-        let info = ExportInfo { placement, value_map: ValueMap::default(), header: Some(header) };
+        let info = ExportInfo { placement, value_map: ValueMap::default(), times: None, header: Some(header) };
         export(&path, &grid(SampleType::U8), &info).unwrap();
         load(&path, &ImportOptions::default()).unwrap().1
     };

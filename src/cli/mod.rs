@@ -2,6 +2,7 @@
 
 mod args;
 mod cmd;
+mod fetch;
 mod load;
 mod open;
 mod output;

@@ -1,10 +1,12 @@
 //! Volumes to foreign files. The caller opens the files, so that it decides how they come into being.
 
+use super::stream::{CHANNELS_THEN_TIME, write_samples};
 use super::{Format, fault, nifti, npy, nrrd, stack};
 use crate::affine::{Placement, ValueMap};
 use crate::error::{Error, Result};
 use crate::geometry::Extent;
-use crate::grid::Grid;
+use crate::grid::{Grid, SlabReader};
+use crate::time::Times;
 use crate::voxel::SampleType;
 use std::fs::{self, File};
 use std::io::{BufWriter, Seek, Write};
@@ -17,6 +19,8 @@ pub struct ExportInfo<'a> {
     pub placement: &'a Placement,
     /// What its numbers mean. Raw and npy files cannot say it.
     pub value_map: ValueMap,
+    /// When the time steps of a series were taken. Raw and npy files cannot say it; NIfTI can where they are evenly apart.
+    pub times: Option<&'a Times>,
     /// The header object of an earlier [`super::import`]; what the format has a place for is put back.
     pub header: Option<&'a serde_json::Value>,
 }
@@ -71,6 +75,23 @@ impl Target {
         Target::of_path(path)
     }
 
+    /// As [`Target::of_volume`], for a series of this many time steps and channels.
+    ///
+    /// # Errors
+    /// As [`Target::of_volume`]; `E_UNSUPPORTED` for images, where there is more than one volume.
+    pub fn of_series(path: &Path, extent: Extent, sample_type: SampleType, series: (u32, u32)) -> Result<Target> {
+        let target = Target::of_volume(path, extent, sample_type)?;
+        if series == (1, 1) || !target.is_images() {
+            return Ok(target);
+        }
+        let (steps, channels) = series;
+        let message = format!(
+            "images hold one volume, not {steps} time steps and {channels} channels; choose one with --time and --channel, \
+             or write NRRD, NIfTI, npy or raw"
+        );
+        Err(fault::unsupported(path, "format", message))
+    }
+
     /// As [`Target::of_volume`], for the formats that hold volumes of any size; a stack of images is none of them.
     ///
     /// # Errors
@@ -114,34 +135,50 @@ impl Target {
         self.folder.as_deref().filter(|f| !f.as_os_str().is_empty())
     }
 
+    /// Whether these are images, which take single planes and no series.
+    #[must_use]
+    pub fn is_images(&self) -> bool {
+        matches!(self.layout, Layout::Slices(_) | Layout::Pages(_))
+    }
+
     /// Writes file `index` of [`Target::files`] to `out`. Each call is complete in itself; buffering is the caller's.
     ///
+    /// `source` is turned to each of its volumes in turn and read a few planes at a time, mostly once and in order. The
+    /// header of a pair reads no samples.
+    ///
     /// # Errors
-    /// `E_SOURCE` where writing fails, `E_UNSUPPORTED` where the format cannot hold the volume.
+    /// `E_SOURCE` where writing fails, `E_UNSUPPORTED` where the format cannot hold the volume; those of `source`.
     ///
     /// # Panics
     /// Where there is no such file.
-    pub fn write<W: Write + Seek>(&self, index: usize, out: &mut W, grid: &Grid, info: &ExportInfo<'_>) -> Result<()> {
+    pub fn write<W: Write + Seek>(
+        &self,
+        index: usize,
+        out: &mut W,
+        source: &mut dyn SlabReader,
+        info: &ExportInfo<'_>,
+    ) -> Result<()> {
         let path = &self.files[index];
         let header = index + 1 == self.files.len();
         let written = match self.layout {
-            Layout::Raw => write_samples(out, grid),
-            Layout::Npy => npy::write(out, grid),
-            Layout::Nrrd => nrrd::write_attached(out, grid, info),
-            Layout::NrrdPair if header => nrrd::write_header(out, grid, info, &file_name(&self.files[0])?),
-            Layout::NrrdPair => write_samples(out, grid),
+            Layout::Raw => write_samples(out, source, &CHANNELS_THEN_TIME),
+            Layout::Npy => npy::write(out, source),
+            Layout::Nrrd => nrrd::write_attached(out, source, info),
+            Layout::NrrdPair if header => nrrd::write_header(out, source, info, &file_name(&self.files[0])?),
+            Layout::NrrdPair => nrrd::write_data(out, source, info),
             Layout::Nifti | Layout::NiftiPair => {
                 let part = match (self.layout, header) {
                     (Layout::Nifti, _) => nifti::Part::Whole,
                     (_, true) => nifti::Part::Header,
                     (_, false) => nifti::Part::Data,
                 };
-                nifti::write(out, grid, info, part, self.gzip)
+                nifti::write(out, source, info, part, self.gzip)
             }
-            Layout::Slices(image) => stack::write(image, out, grid, Some(index as u32)),
-            Layout::Pages(image) => stack::write(image, out, grid, None),
+            Layout::Slices(image) => stack::write(image, out, source, Some(index as u32)),
+            Layout::Pages(image) => stack::write(image, out, source, None),
         };
-        written.map_err(|e| fault::io(path, e))
+        // What the source reported has its own words already.
+        written.map_err(|e| e.downcast::<Error>().unwrap_or_else(|e| fault::io(path, e)))
     }
 }
 
@@ -149,20 +186,6 @@ impl Target {
 fn file_name(path: &Path) -> Result<String> {
     let name = path.file_name().and_then(|n| n.to_str());
     name.map(str::to_owned).ok_or_else(|| Error::param("path", format!("{} is not UTF-8", path.display())))
-}
-
-/// All samples, little endian, x fastest.
-pub(super) fn write_samples(out: &mut dyn Write, grid: &Grid) -> std::io::Result<()> {
-    let size = if grid.sample_type().components() == 1 { grid.sample_type().bytes() } else { 1 };
-    if cfg!(target_endian = "little") || size == 1 {
-        return out.write_all(grid.bytes());
-    }
-    for chunk in grid.bytes().chunks(64 << 10) {
-        let mut swapped = chunk.to_vec();
-        swapped.chunks_exact_mut(size).for_each(<[u8]>::reverse);
-        out.write_all(&swapped)?;
-    }
-    Ok(())
 }
 
 /// Writes a volume to the format of the file name's ending; existing files are replaced.
@@ -173,13 +196,21 @@ pub(super) fn write_samples(out: &mut dyn Write, grid: &Grid) -> std::io::Result
 /// # Errors
 /// As [`Target::of_volume`] and [`Target::write`].
 pub fn export(path: &Path, grid: &Grid, info: &ExportInfo<'_>) -> Result<()> {
-    let target = Target::of_volume(path, grid.extent(), grid.sample_type())?;
+    export_series(path, &mut grid.view(), info)
+}
+
+/// As [`export`], for all time steps and channels of a series, a few planes at a time.
+///
+/// # Errors
+/// As [`Target::of_series`] and [`Target::write`].
+pub fn export_series(path: &Path, source: &mut dyn SlabReader, info: &ExportInfo<'_>) -> Result<()> {
+    let target = Target::of_series(path, source.extent(), source.sample_type(), source.series())?;
     if let Some(folder) = target.folder() {
         fs::create_dir_all(folder).map_err(|e| fault::io(folder, e))?;
     }
     for (i, file) in target.files().iter().enumerate() {
         let mut out = BufWriter::new(File::create(file).map_err(|e| fault::io(file, e))?);
-        target.write(i, &mut out, grid, info)?;
+        target.write(i, &mut out, source, info)?;
         out.flush().map_err(|e| fault::io(file, e))?;
     }
     Ok(())
@@ -205,6 +236,13 @@ mod tests {
         ] {
             let target = Target::of_volume(Path::new(name), Extent::cube(2), SampleType::U8).unwrap();
             assert_eq!(target.files(), files.iter().map(PathBuf::from).collect::<Vec<_>>(), "{name}");
+        }
+        for (name, series, ok) in
+            [("a.nrrd", (3, 1), true), ("a.tif", (1, 1), true), ("a.tif", (3, 1), false), ("a/", (1, 2), false)]
+        {
+            let target = Target::of_series(Path::new(name), Extent::cube(2), SampleType::U8, series);
+            assert_eq!(target.is_ok(), ok, "{name} {series:?}");
+            assert!(target.err().is_none_or(|e| e.message().contains("--time")));
         }
         for bad in ["a", "a.vug", "a.gz", "a.raw.gz", "a.png"] {
             assert!(Target::of_volume(Path::new(bad), Extent::cube(2), SampleType::U8).is_err(), "{bad}");

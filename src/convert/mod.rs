@@ -21,8 +21,9 @@ mod slabs;
 mod spool;
 mod stack;
 mod stored;
+mod stream;
 
-pub use export::{ExportInfo, Target, export};
+pub use export::{ExportInfo, Target, export, export_series};
 pub use stored::{Kind, Stored};
 
 use crate::affine::{Placement, ValueMap};

@@ -6,11 +6,12 @@
 use super::layout::{Layout, Role};
 use super::payload::{self, Bytes, Payload};
 use super::stored::{Kind, Stored};
+use super::stream::{CHANNELS_THEN_TIME, write_samples};
 use super::{Format, Import, ImportOptions, Probe, fault};
 use crate::affine::ValueMap;
 use crate::error::Result;
 use crate::geometry::Extent;
-use crate::grid::Grid;
+use crate::grid::SlabReader;
 use crate::voxel::SampleType;
 use serde_json::json;
 use std::fs::File;
@@ -258,17 +259,22 @@ fn stored_of(path: &Path, descr: &str) -> Result<Stored> {
     Ok(Stored { kind, big_endian })
 }
 
-/// Writes version 1.0, C order: shape (z, y, x), or (z, y, x, 3) for colours.
-pub(super) fn write(out: &mut dyn Write, grid: &Grid) -> std::io::Result<()> {
-    let Extent { x, y, z } = grid.extent();
-    let (descr, last) = match grid.sample_type() {
+/// Writes version 1.0, C order: shape (z, y, x), (time, z, y, x) or (time, channel, z, y, x), with a last axis of 3 for colours.
+pub(super) fn write(out: &mut dyn Write, source: &mut dyn SlabReader) -> std::io::Result<()> {
+    let Extent { x, y, z } = source.extent();
+    let (descr, last) = match source.sample_type() {
         SampleType::U8 => ("|u1", ""),
         SampleType::U16 => ("<u2", ""),
         SampleType::I16 => ("<i2", ""),
         SampleType::F32 => ("<f4", ""),
         SampleType::Rgb8 => ("|u1", ", 3"),
     };
-    let mut text = format!("{{'descr': '{descr}', 'fortran_order': False, 'shape': ({z}, {y}, {x}{last}), }}");
+    let series = match source.series() {
+        (1, 1) => String::new(),
+        (steps, 1) => format!("{steps}, "),
+        (steps, channels) => format!("{steps}, {channels}, "),
+    };
+    let mut text = format!("{{'descr': '{descr}', 'fortran_order': False, 'shape': ({series}{z}, {y}, {x}{last}), }}");
     // NumPy aligns the samples to 64 bytes; the text ends in a newline.
     let pad = (10 + text.len() + 1).next_multiple_of(64) - (10 + text.len() + 1);
     text.extend(std::iter::repeat_n(' ', pad));
@@ -277,7 +283,7 @@ pub(super) fn write(out: &mut dyn Write, grid: &Grid) -> std::io::Result<()> {
     out.write_all(&[1, 0])?;
     out.write_all(&(text.len() as u16).to_le_bytes())?;
     out.write_all(text.as_bytes())?;
-    super::export::write_samples(out, grid)
+    write_samples(out, source, &CHANNELS_THEN_TIME)
 }
 
 #[cfg(test)]

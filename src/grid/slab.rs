@@ -82,3 +82,26 @@ impl SlabReader for Grid {
         Some(self.view())
     }
 }
+
+impl SlabReader for View<'_> {
+    fn extent(&self) -> Extent {
+        self.extent
+    }
+    fn sample_type(&self) -> SampleType {
+        self.sample_type
+    }
+    fn read_slab(&mut self, z: Range<u32>, out: &mut [u8]) -> Result<()> {
+        let row = self.extent.x as usize * self.sample_type.bytes();
+        let mut rows = out.chunks_exact_mut(row);
+        for z in z {
+            for y in 0..self.extent.y {
+                let start = y as usize * self.row_pitch + z as usize * self.slice_pitch;
+                rows.next().expect("room for the slab").copy_from_slice(&self.bytes[start..start + row]);
+            }
+        }
+        Ok(())
+    }
+    fn as_view(&self) -> Option<View<'_>> {
+        Some(*self)
+    }
+}

@@ -11,7 +11,7 @@ use crate::convert::Stored;
 use crate::geometry::{Extent, Region};
 use crate::volume::{Axis, Bound};
 use clap::{Args, Parser, Subcommand};
-use parse::{parse_extent, parse_jobs, parse_range, parse_region};
+use parse::{parse_extent, parse_jobs, parse_range, parse_region, parse_span};
 use std::path::PathBuf;
 
 /// Compresses 3D volumes so that every voxel, plane, block, brick or region can be read alone.
@@ -73,11 +73,17 @@ pub(in crate::cli) struct Common {
 }
 
 /// How to read files of other formats.
-#[derive(Args, Clone)]
+#[derive(Args, Clone, Default)]
 pub(in crate::cli) struct Import {
     /// Shape of a raw file, in voxels: x fastest
     #[arg(long, value_name = "X,Y,Z", value_parser = parse_extent)]
     pub(in crate::cli) shape: Option<Extent>,
+    /// Time steps in a raw file, one after the other [default: 1]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub(in crate::cli) time_steps: Option<u32>,
+    /// Channels in each time step of a raw file, one after the other [default: 1]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub(in crate::cli) channels: Option<u32>,
     /// Sample type. Of a raw file: what it stores, e.g. u16, i32be, f64. Of others: u8, u16, i16, f32 or rgb8 to convert to
     #[arg(long, value_name = "TYPE")]
     pub(in crate::cli) dtype: Option<Stored>,
@@ -101,13 +107,15 @@ pub(in crate::cli) struct Demo {
 #[derive(Args)]
 #[command(after_help = "Slices: a folder (slices/) takes 0000.png and so on; slice_####.tif says format and number.
 PNG holds u8, u16 and rgb8; TIFF all types, and all slices as pages of one file (stack.tif);
-JPEG u8 and rgb8, at quality 95: lossy. None of them keeps spacing.
+JPEG u8 and rgb8, at quality 95: lossy. None of them keeps spacing, and none holds more than one volume.
+A series keeps all time steps and channels, as a 4D or 5D file, unless --time or --channel chooses some.
 
 Examples:
   vug decode head.vug back.nrrd
   vug decode head.vug part.npy --region 0:64,0:64,10:20     x, y, z; the end is not included
   vug decode head.vug small.nii.gz --level 1
   vug decode head.vug slices/                               or slices/s_####.tif
+  vug decode fmri.vug step17.nii.gz --time 17               one time step; 10:20 are ten
   vug decode colour.vug small.nrrd --reduce 2               zerobit: a quarter of each axis, from the means it holds
   vug decode damaged.vug rest.nrrd --salvage                lost bricks become the null value; exit 1")]
 pub(in crate::cli) struct Decode {
@@ -115,6 +123,12 @@ pub(in crate::cli) struct Decode {
     pub(in crate::cli) source: PathBuf,
     /// File to write: .nrrd .nhdr .nii .nii.gz .hdr .npy .raw .tif; or slices: folder/, name_####.png .tif .jpg
     pub(in crate::cli) target: PathBuf,
+    /// Time steps to decode, half open, or one of them; from 0 [default: all]
+    #[arg(long, value_name = "K|A:B", value_parser = parse_span::<u32>)]
+    pub(in crate::cli) time: Option<std::ops::Range<u32>>,
+    /// Channels to decode, half open, or one of them; from 0 [default: all]
+    #[arg(long, value_name = "K|A:B", value_parser = parse_span::<u32>)]
+    pub(in crate::cli) channel: Option<std::ops::Range<u32>>,
     /// Level of detail; 0 is the finest
     #[arg(long, value_name = "L", default_value = "0")]
     pub(in crate::cli) level: u8,
@@ -219,6 +233,12 @@ pub(in crate::cli) struct Slice {
     /// Picture the difference from this volume
     #[arg(long, value_name = "SOURCE", conflicts_with_all = ["range", "colormap"])]
     pub(in crate::cli) against: Option<PathBuf>,
+    /// Time step of a series, from 0
+    #[arg(long, value_name = "K", default_value = "0")]
+    pub(in crate::cli) time: u32,
+    /// Channel, from 0
+    #[arg(long, value_name = "K", default_value = "0")]
+    pub(in crate::cli) channel: u32,
     /// Level of detail of a .vug file
     #[arg(long, value_name = "L", default_value = "0")]
     pub(in crate::cli) level: u8,

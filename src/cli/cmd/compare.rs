@@ -1,9 +1,9 @@
 //! `vug compare`: how far two volumes are apart.
 
 use crate::cli::args::Compare;
-use crate::cli::load::{check_import, load};
+use crate::cli::load::{Series, check_import, load_series};
 use crate::cli::output::{Verdict, number, progress, psnr_text};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::metrics::{Comparison, compare};
 use crate::volume::Bound;
 use serde_json::{Value, json};
@@ -11,17 +11,33 @@ use serde_json::{Value, json};
 pub(super) fn run(args: &Compare) -> Result<Verdict> {
     check_import(&[&args.a, &args.b], &args.import)?;
     let bar = progress(args.common.quiet || args.common.json, "comparing");
-    let a = load(&args.a, &args.import)?;
-    let b = load(&args.b, &args.import)?;
+    let a = load_series(&args.a, &args.import)?;
+    let b = load_series(&args.b, &args.import)?;
+    if a.series != b.series || a.series != (1, 1) && a.extent != b.extent {
+        let text = |s: &Series| format!("{} × {} time steps × {} channels", s.extent, s.series.0, s.series.1);
+        return Err(Error::param("dims", format!("{} against {}", text(&a), text(&b))));
+    }
+    // Slices are compared one by one, so that it does not matter that all volumes lie upon one another.
     let c = compare(&a.grid.view(), &b.grid.view())?;
     bar.finish_and_clear();
+    let [x, y, plane] = c.max_error_at;
+    let (volume, z) = (plane / a.extent.z, plane % a.extent.z);
+    let (time, channel) = (volume / a.series.1, volume % a.series.1);
     let failed = failures(args, &c);
     if args.common.json {
-        println!("{:#}", comparison_json(&c, &failed));
+        let mut json = comparison_json(&c, &failed);
+        json["max_error_at"] = json!([x, y, z]);
+        if a.series != (1, 1) {
+            json["max_error_in"] = json!({ "time": time, "channel": channel });
+        }
+        println!("{json:#}");
     } else {
         println!("range       {} (max − min of {})", c.range, args.a.display());
-        let [x, y, z] = c.max_error_at;
-        println!("max error   {} at {x},{y},{z} (x,y,z)", c.max_error);
+        let of = match a.series {
+            (1, 1) => String::new(),
+            _ => format!(" of time step {time}, channel {channel}"),
+        };
+        println!("max error   {} at {x},{y},{z} (x,y,z){of}", c.max_error);
         println!("mean error  {:.6}", c.mean_error);
         println!("RMSE        {:.6}", c.rmse);
         println!("PSNR        {}", psnr_text(c.psnr, c.identical));

@@ -1,20 +1,24 @@
-//! `vug decode`: a `.vug` file becomes a foreign volume.
+//! `vug decode`: a `.vug` file becomes a foreign volume, or a series of them.
 
-use crate::affine::Placement;
+mod decoded;
+
 use crate::cli::args::Decode;
 use crate::cli::open::open_source;
 use crate::cli::output::{Verdict, error_json, progress};
 use crate::convert::{ExportInfo, Target};
-use crate::error::{Error, Result};
-use crate::geometry::{Coord, Extent, Region};
-use crate::grid::{Grid, dense_len};
+use crate::error::{Code, Error, Result};
+use crate::geometry::{Extent, Region};
+use crate::grid::{Grid, SlabReader, dense_len};
 use crate::limits::{self, Limits};
 use crate::source::AtomicFile;
+use crate::time::Times;
 use crate::volume::{At, LostBrick, Volume};
+use decoded::{Decoded, Part};
 use rayon::prelude::*;
 use serde_json::{Value, json};
 use std::fs;
 use std::io::BufWriter;
+use std::ops::Range;
 use std::path::PathBuf;
 
 pub(super) fn run(args: &Decode) -> Result<Verdict> {
@@ -24,7 +28,42 @@ pub(super) fn run(args: &Decode) -> Result<Verdict> {
     } else {
         Volume::open(source, Limits::default())?
     };
-    let at = At::lod(args.level);
+    let part = part(args, &volume)?;
+    // Whatever is wrong with the target is found before anything is decoded.
+    let series = (part.times.len() as u32, part.channels.len() as u32);
+    let target = Target::of_series(&args.target, part.region.extent(), volume.info().sample_type, series)?;
+    target.files().iter().try_for_each(|path| AtomicFile::check(path, args.force))?;
+    let placement = volume.info().placement.moved(part.lod + part.steps, part.region.start);
+    let meta: Option<Value> = match volume.meta() {
+        Ok(text) => text.and_then(|t| serde_json::from_str(&t).ok()),
+        Err(_) if args.salvage => None,
+        Err(e) => return Err(e),
+    };
+    let times = match volume.times() {
+        Ok(times) => times.and_then(|t| cut(&t, &part.times)),
+        Err(_) if args.salvage => None,
+        Err(e) => return Err(e),
+    };
+    let info = ExportInfo {
+        placement: &placement,
+        value_map: volume.info().value_map,
+        times: times.as_ref(),
+        header: meta.as_ref().and_then(|m| m.get("source")),
+    };
+    let bar = progress(args.common.quiet || args.common.json, "decoding");
+    let mut decoded = Decoded::new(&volume, part, &bar);
+    write(&target, args.force, &mut decoded, &info)?;
+    bar.finish_and_clear();
+    if decoded.found_by_leader > 0 {
+        eprintln!("note: the index is damaged; {} bricks were found without it", decoded.found_by_leader);
+    }
+    report(args, &volume, &decoded);
+    Ok(if decoded.lost.is_empty() { Verdict::Ok } else { Verdict::Bad })
+}
+
+/// What is to be decoded, all of which the file has.
+fn part(args: &Decode, volume: &Volume) -> Result<Part> {
+    let info = volume.info();
     let levels = volume.levels().len();
     let Some(extent) = volume.levels().nth(usize::from(args.level)) else {
         return Err(Error::param("level", format!("the file has levels 0 to {}, not {}", levels - 1, args.level)));
@@ -33,56 +72,64 @@ pub(super) fn run(args: &Decode) -> Result<Verdict> {
     let extent = extent.div_ceil(Extent::cube(1 << steps));
     let region = args.region.unwrap_or(Region::whole(extent));
     region.check(extent)?;
-    // Whatever is wrong with the target is found before anything is decoded.
-    let target = Target::of_volume(&args.target, region.extent(), volume.info().sample_type)?;
-    target.files().iter().try_for_each(|path| AtomicFile::check(path, args.force))?;
-    let bar = progress(args.common.quiet || args.common.json, "decoding");
-    let (grid, lost) = if args.salvage {
-        let salvaged = volume.salvage(at, region)?;
-        if salvaged.found_by_leader > 0 {
-            eprintln!("note: the index is damaged; {} bricks were found without it", salvaged.found_by_leader);
+    Ok(Part {
+        times: chosen("time", args.time.as_ref(), info.time_steps)?,
+        channels: chosen("channel", args.channel.as_ref(), info.channels)?,
+        lod: args.level,
+        steps,
+        region,
+        salvage: args.salvage,
+    })
+}
+
+/// The chosen ones of `count`, or all of them.
+fn chosen(field: &'static str, range: Option<&Range<u32>>, count: u32) -> Result<Range<u32>> {
+    match range {
+        None => Ok(0..count),
+        Some(range) if range.end <= count => Ok(range.clone()),
+        Some(range) => {
+            let message = format!("{}:{} is outside: the file has 0 to {}", range.start, range.end, count - 1);
+            Err(Error::new(Code::Range, field, message))
         }
-        (salvaged.grid, salvaged.lost)
-    } else {
-        let grid = if steps > 0 { volume.read_reduced(at, steps, region)? } else { decode(&volume, at, region, &bar)? };
-        (grid, Vec::new())
-    };
-    bar.finish_and_clear();
-    let placement = moved(&volume.info().placement, args.level + steps, region.start);
-    let meta: Option<Value> = match volume.meta() {
-        Ok(text) => text.and_then(|t| serde_json::from_str(&t).ok()),
-        Err(_) if args.salvage => None,
-        Err(e) => return Err(e),
-    };
-    let info = ExportInfo {
-        placement: &placement,
-        value_map: volume.info().value_map,
-        header: meta.as_ref().and_then(|m| m.get("source")),
-    };
-    write(&target, args.force, &grid, &info)?;
-    report(args, &volume, &grid, &lost);
-    Ok(if lost.is_empty() { Verdict::Ok } else { Verdict::Bad })
+    }
+}
+
+/// The times of these steps.
+fn cut(times: &Times, steps: &Range<u32>) -> Option<Times> {
+    let steps = times.steps.get(steps.start as usize..steps.end as usize)?;
+    Some(Times { unit: times.unit, steps: steps.to_vec() })
 }
 
 /// Most files that are held open until all are written; more of them are closed, which lets go of their locks.
 const OPEN_FILES: usize = 16;
 
 /// Writes all files before the first appears; the header of a pair appears last.
-fn write(target: &Target, force: bool, grid: &Grid, info: &ExportInfo<'_>) -> Result<()> {
+fn write(target: &Target, force: bool, source: &mut Decoded<'_>, info: &ExportInfo<'_>) -> Result<()> {
+    // Images are packed in parallel, from the whole volume.
+    let mut whole = None;
+    if target.is_images() {
+        let limit = Limits::default().result_bytes;
+        limits::check("region", dense_len(source.extent(), source.sample_type())? as u64, limit)?;
+        let grid = whole.insert(Grid::zeros(source.extent(), source.sample_type())?);
+        source.read_slab(0..source.extent().z, grid.bytes_mut())?;
+    }
     let new_folder = target.folder().filter(|folder| !folder.exists());
     if let Some(folder) = new_folder {
         fs::create_dir_all(folder).map_err(|e| Error::io(folder.display(), e))?;
     }
-    let one = |(index, path): (usize, &PathBuf)| {
+    let one = |(index, path): (usize, &PathBuf), source: &mut dyn SlabReader| {
         let mut file = BufWriter::new(AtomicFile::create(path, force)?);
-        target.write(index, &mut file, grid, info)?;
+        target.write(index, &mut file, source, info)?;
         let mut file = file.into_inner().map_err(|e| Error::io(path.display(), e.into_error()))?;
         if target.files().len() > OPEN_FILES {
             file.park()?;
         }
         Ok(file)
     };
-    let files: Result<Vec<AtomicFile>> = target.files().par_iter().enumerate().map(one).collect();
+    let files: Result<Vec<AtomicFile>> = match &whole {
+        Some(grid) => target.files().par_iter().enumerate().map(|file| one(file, &mut grid.view())).collect(),
+        None => target.files().iter().enumerate().map(|file| one(file, source)).collect(),
+    };
     let written = files.and_then(|files| files.into_iter().try_for_each(AtomicFile::commit));
     if let (Err(_), Some(folder)) = (&written, new_folder) {
         let _ = fs::remove_dir(folder); // only an empty one goes
@@ -90,81 +137,40 @@ fn write(target: &Target, force: bool, grid: &Grid, info: &ExportInfo<'_>) -> Re
     written
 }
 
-/// Decodes a region in slabs, so that the bar moves.
-fn decode(volume: &Volume, at: At, region: Region, bar: &indicatif::ProgressBar) -> Result<Grid> {
-    let t = volume.info().sample_type;
-    limits::check("region", dense_len(region.extent(), t)? as u64, Limits::default().result_bytes)?;
-    let mut grid = Grid::zeros(region.extent(), volume.info().sample_type)?;
-    bar.set_length(u64::from(region.extent().z));
-    let step = 4 << volume.info().brick_log2;
-    let mut rest = grid.view_mut();
-    let mut z = region.start[2];
-    while z < region.end[2] {
-        let end = (z + step).min(region.end[2]);
-        let (now, later) = rest.split_at_z(end - z);
-        let part = Region { start: [region.start[0], region.start[1], z], end: [region.end[0], region.end[1], end] };
-        volume.read_region_into(at, part, now)?;
-        bar.inc(u64::from(end - z));
-        (rest, z) = (later, end);
-    }
-    Ok(grid)
-}
-
-/// Placement of a part of a coarser level, or of one that is halved from a finer one: the centre of its first voxel, and the level's steps.
-fn moved(placement: &Placement, lod: u8, start: Coord) -> Placement {
-    let mut moved = placement.clone();
-    let step = f64::from(1u32 << lod);
-    for row in &mut moved.matrix {
-        for (axis, first) in start.into_iter().enumerate() {
-            // A voxel of level l covers 2^l voxels of level 0; its centre lies between theirs.
-            row[3] += row[axis] * (f64::from(first) * step + (step - 1.0) / 2.0);
-        }
-        for v in &mut row[..3] {
-            *v *= step;
-        }
-    }
-    moved
-}
-
-fn report(args: &Decode, volume: &Volume, grid: &Grid, lost: &[LostBrick]) {
+fn report(args: &Decode, volume: &Volume, decoded: &Decoded<'_>) {
+    let (extent, t, (steps, channels)) = (decoded.extent(), decoded.sample_type(), decoded.series());
     if args.common.json {
-        let lost: Vec<Value> = lost
-            .iter()
-            .map(|l| json!({ "brick": l.brick, "region": l.region.to_string(), "error": error_json(&l.error) }))
-            .collect();
+        let lost = |(at, l): &(At, LostBrick)| {
+            json!({
+                "time": at.time, "channel": at.channel,
+                "brick": l.brick, "region": l.region.to_string(), "error": error_json(&l.error),
+            })
+        };
         let cost = volume.cost();
         println!(
             "{:#}",
             json!({
-                "dims": grid.extent().to_array(), "sample_type": grid.sample_type().name(), "level": args.level,
-                "reduce": args.reduce.unwrap_or(0),
-                "reads": cost.reads, "bytes_read": cost.bytes, "lost": lost,
+                "dims": extent.to_array(), "time_steps": steps, "channels": channels, "sample_type": t.name(),
+                "level": args.level, "reduce": args.reduce.unwrap_or(0),
+                "reads": cost.reads, "bytes_read": cost.bytes,
+                "lost": decoded.lost.iter().map(lost).collect::<Vec<Value>>(),
             })
         );
         return;
     }
     if !args.common.quiet {
         println!("{} → {}", args.source.display(), args.target.display());
-        println!("volume      {} {} (x, y, z)", grid.extent(), grid.sample_type());
+        println!("volume      {extent} {t} (x, y, z)");
+        if (steps, channels) != (1, 1) {
+            println!("series      {steps} time steps, {channels} channels");
+        }
     }
-    for l in lost {
-        eprintln!("lost: brick {:?}, voxels {}: {}", l.brick, l.region, l.error);
+    let single = volume.info().time_steps == 1 && volume.info().channels == 1;
+    for (at, l) in &decoded.lost {
+        let of = if single { String::new() } else { format!("time step {}, channel {}, ", at.time, at.channel) };
+        eprintln!("lost: {of}brick {:?}, voxels {}: {}", l.brick, l.region, l.error);
     }
-    if !lost.is_empty() {
-        eprintln!("{} bricks are lost and hold the null value", lost.len());
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test] // B-03: the centre of a coarse voxel lies between those of its children
-    fn parts_and_levels_stay_where_they_are() {
-        let p = Placement::from_spacing([2.0, 3.0, 4.0], [10.0, 20.0, 30.0]);
-        assert_eq!(moved(&p, 0, [1, 2, 3]).origin(), [12.0, 26.0, 42.0]);
-        assert_eq!(moved(&p, 1, [0, 0, 0]).origin(), [11.0, 21.5, 32.0]);
-        assert_eq!(moved(&p, 1, [1, 0, 0]).origin(), [15.0, 21.5, 32.0]);
-        assert_eq!(moved(&p, 1, [0, 0, 0]).spacing(), [4.0, 6.0, 8.0]);
+    if !decoded.lost.is_empty() {
+        eprintln!("{} bricks are lost and hold the null value", decoded.lost.len());
     }
 }

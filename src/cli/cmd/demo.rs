@@ -97,11 +97,11 @@ fn print_table(subject: &Subject, grid: &Grid, outcomes: &[Outcome]) {
 
 /// Writes the phantom where the printed command lines expect it.
 fn write_source(grid: &Grid, path: &Path, force: bool) -> Result<()> {
-    let info = ExportInfo { placement: &placement(), value_map: ValueMap::default(), header: None };
+    let info = ExportInfo { placement: &placement(), value_map: ValueMap::default(), times: None, header: None };
     let target = Target::of_path(path)?;
     for (i, path) in target.files().iter().enumerate() {
         let mut file = AtomicFile::create(path, force)?;
-        target.write(i, &mut file, grid, &info)?;
+        target.write(i, &mut file, &mut grid.view(), &info)?;
         file.commit()?;
     }
     Ok(())

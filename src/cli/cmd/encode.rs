@@ -4,12 +4,13 @@ use crate::cli::args::{
     CodecArg, DownsampleArg, Encode, EndpointsArg, Import, NanArg, NormArg, StreamArg, ThresholdArg, TrainingArg,
     ZerobitArgs,
 };
+use crate::cli::fetch;
 use crate::cli::load::{check_import, import_options, load};
 use crate::cli::output::{Verdict, bytes_text, number, progress, psnr_text};
 use crate::codec::s3dc::Endpoints;
 use crate::codec::zerobit;
 use crate::container::Downsample;
-use crate::convert::{self, Format, ImportOptions, Kind};
+use crate::convert::{Format, ImportOptions, Kind};
 use crate::error::{Error, Result};
 use crate::geometry::Extent;
 use crate::source::AtomicFile;
@@ -26,7 +27,7 @@ pub(super) fn run(args: &Encode) -> Result<Verdict> {
     check(args)?;
     let import = import_options(&args.source, &args.import)?;
     let import = ImportOptions { memory: args.memory / 2, temp_dir: args.temp_dir.clone(), ..import };
-    let mut source = convert::import(&args.source, &import)?;
+    let mut source = fetch::import(&args.source, &import)?;
     let mut options = options(args);
     if args.codec.is_none() && !is_zerobit(args) && source.reader.sample_type() == SampleType::Rgb8 {
         options.codec = CodecChoice::Auto; // s3dc is for scalars
@@ -108,7 +109,7 @@ fn new_log(path: &Path, force: bool) -> Result<File> {
 /// How a mask is read: `--shape` and `--dtype` are for the source. A raw mask has its shape, and a byte per voxel.
 fn of_mask(mask: &Path, shape: Extent) -> Import {
     let raw = Format::of_path(mask) == Some(Format::Raw);
-    Import { shape: raw.then_some(shape), dtype: raw.then(|| Kind::U8.into()) }
+    Import { shape: raw.then_some(shape), dtype: raw.then(|| Kind::U8.into()), ..Import::default() }
 }
 
 /// What no codec would notice: a target that would destroy the source or mislead, options that have no effect.

@@ -6,6 +6,7 @@ use crate::cli::output::{Verdict, write_file};
 use crate::cli::picture::{ColorMap, Picture, difference, legend, scaled, slice, spacing_on_screen, stacked};
 use crate::error::{Error, Result};
 use crate::metrics::value_range;
+use crate::volume::At;
 use serde_json::json;
 
 /// Pictures smaller than this are enlarged by whole numbers, so that voxels can be seen.
@@ -18,7 +19,8 @@ pub(super) fn run(args: &Slice) -> Result<Verdict> {
         return Err(Error::param("level", "a coarser level cannot be compared with the source; use level 0"));
     }
     let map: ColorMap = args.colormap.as_deref().map(str::parse).transpose()?.unwrap_or_default();
-    let (loaded, index) = load_plane(&args.file, &args.import, args.level, args.axis, args.index)?;
+    let at = At { time: args.time, channel: args.channel, lod: args.level };
+    let (loaded, index) = load_plane(&args.file, &args.import, at, args.axis, args.index)?;
     let view = loaded.plane.view();
     let (picture, window) = match &args.against {
         None => {
@@ -26,7 +28,7 @@ pub(super) fn run(args: &Slice) -> Result<Verdict> {
             (slice(&view, args.axis, window, &map)?, Some(window))
         }
         Some(source) => {
-            let (source, _) = load_plane(source, &args.import, 0, args.axis, Some(index))?;
+            let (source, _) = load_plane(source, &args.import, At { lod: 0, ..at }, args.axis, Some(index))?;
             let (lo, hi) = source.volume_range;
             (difference(&source.plane.view(), &view, args.axis, hi - lo)?, None)
         }

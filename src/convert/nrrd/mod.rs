@@ -9,11 +9,12 @@ mod data;
 mod fields;
 mod geometry;
 mod header;
+mod order;
 mod text;
 mod times;
 mod write;
 
-pub(super) use write::{write_attached, write_header};
+pub(super) use write::{write_attached, write_data, write_header};
 
 use super::stored::Kind;
 use super::{Format, Import, ImportOptions, Probe, fault, payload};

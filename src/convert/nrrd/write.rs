@@ -1,12 +1,16 @@
 //! Writes NRRD0005 headers, and attached files with gzip.
 
-use super::super::export::{ExportInfo, write_samples};
+use super::super::export::ExportInfo;
+use super::super::layout::Role;
 use super::super::stored::Kind;
+use super::super::stream::write_samples;
+use super::axes::role_of;
+use super::order::{Axes, Axis};
+use super::times::index_key;
 use super::{VALUE_OFFSET, VALUE_SCALE, fields};
 use crate::affine::{Placement, Space, Unit, ValueMap};
-use crate::geometry::Extent;
-use crate::grid::Grid;
-use crate::voxel::SampleType;
+use crate::grid::SlabReader;
+use crate::time::{TimeUnit, Times};
 use flate2::Compression;
 use flate2::write::GzEncoder;
 use serde_json::Value;
@@ -19,44 +23,67 @@ const RESTORED: [&str; 6] =
 const RESTORED_PER_AXIS: [&str; 4] = ["labels", "centers", "centerings", "thicknesses"];
 
 /// One file: header, empty line, samples in gzip.
-pub(in super::super) fn write_attached(out: &mut dyn Write, grid: &Grid, info: &ExportInfo<'_>) -> io::Result<()> {
-    header(out, grid, info, "gzip")?;
+pub(in super::super) fn write_attached(
+    out: &mut dyn Write,
+    source: &mut dyn SlabReader,
+    info: &ExportInfo<'_>,
+) -> io::Result<()> {
+    header(out, source, info, "gzip")?;
     writeln!(out)?;
     let mut packed = GzEncoder::new(out, Compression::fast());
-    write_samples(&mut packed, grid)?;
+    write_data(&mut packed, source, info)?;
     packed.finish()?;
     Ok(())
+}
+
+/// The samples alone.
+pub(in super::super) fn write_data(
+    out: &mut dyn Write,
+    source: &mut dyn SlabReader,
+    info: &ExportInfo<'_>,
+) -> io::Result<()> {
+    let axes = axes(source, info);
+    write_samples(out, source, &axes.roles())
 }
 
 /// The header of a pair; `data` is the name of the raw file beside it.
 pub(in super::super) fn write_header(
     out: &mut dyn Write,
-    grid: &Grid,
+    source: &dyn SlabReader,
     info: &ExportInfo<'_>,
     data: &str,
 ) -> io::Result<()> {
-    header(out, grid, info, "raw")?;
+    header(out, source, info, "raw")?;
     writeln!(out, "data file: {data}")
 }
 
-fn header(out: &mut dyn Write, grid: &Grid, info: &ExportInfo<'_>, encoding: &str) -> io::Result<()> {
-    let kind = Kind::from(grid.sample_type());
-    let rgb = grid.sample_type() == SampleType::Rgb8;
-    let Extent { x, y, z } = grid.extent();
+fn axes(source: &dyn SlabReader, info: &ExportInfo<'_>) -> Axes {
+    Axes::new(source.sample_type(), source.series(), Source(info.header).field("kinds"), info.times.is_some())
+}
+
+fn header(out: &mut dyn Write, source: &dyn SlabReader, info: &ExportInfo<'_>, encoding: &str) -> io::Result<()> {
+    let kind = Kind::from(source.sample_type());
+    let (extent, (steps, channels)) = (source.extent().to_array(), source.series());
+    let axes = axes(source, info);
     let source = Source(info.header);
     writeln!(out, "NRRD0005")?;
     for comment in source.comments() {
         writeln!(out, "# {}", one_line(comment))?;
     }
     writeln!(out, "type: {}", fields::type_name(kind))?;
-    writeln!(out, "dimension: {}", if rgb { 4 } else { 3 })?;
-    let (per_axis, kinds) = if rgb { ("3 ", "RGB-color ") } else { ("", "") };
-    let place = Place { placement: info.placement, rgb, source };
+    writeln!(out, "dimension: {}", axes.list.len())?;
+    let place = Place { placement: info.placement, times: info.times, axes: &axes, source };
     place.write_space(out)?;
-    writeln!(out, "sizes: {per_axis}{x} {y} {z}")?;
+    let size = |axis: &Axis| match axis.role {
+        Role::Space(i) => extent[i],
+        Role::Time => steps,
+        Role::Channel => channels,
+        Role::Nothing => 3,
+    };
+    writeln!(out, "sizes: {}", axes.line(|a| size(a).to_string()))?;
     place.write_axes(out)?;
-    writeln!(out, "kinds: {kinds}domain domain domain")?;
-    if kind.bytes() > 1 && !rgb {
+    writeln!(out, "kinds: {}", axes.line(|a| a.kind.clone()))?;
+    if kind.bytes() > 1 && kind != Kind::Rgb8 {
         writeln!(out, "endian: little")?;
     }
     writeln!(out, "encoding: {encoding}")?;
@@ -65,7 +92,7 @@ fn header(out: &mut dyn Write, grid: &Grid, info: &ExportInfo<'_>, encoding: &st
     }
     for (name, value) in source.fields() {
         let id = name.to_ascii_lowercase();
-        let same_axes = || fields::quoted(value).is_some_and(|v| v.len() == if rgb { 4 } else { 3 });
+        let same_axes = || axes.original && fields::quoted(value).is_some_and(|v| v.len() == axes.list.len());
         // A frame without a space to stand in is an error in NRRD.
         let framed = info.placement.space != Space::Unknown || !id.starts_with("measurement");
         let fits = RESTORED.contains(&id.as_str()) && framed;
@@ -73,14 +100,20 @@ fn header(out: &mut dyn Write, grid: &Grid, info: &ExportInfo<'_>, encoding: &st
             writeln!(out, "{name}: {}", one_line(value))?;
         }
     }
-    for (key, value) in source.key_values() {
+    for (key, value) in source.key_values().filter(|(key, _)| !is_index(key)) {
         writeln!(out, "{}:={}", one_line(key), one_line(value))?;
     }
+    place.write_index(out)?;
     if info.value_map != ValueMap::default() {
         writeln!(out, "{VALUE_SCALE}:={:?}", info.value_map.scale)?;
         writeln!(out, "{VALUE_OFFSET}:={:?}", info.value_map.offset)?;
     }
     Ok(())
+}
+
+/// Whether a pair says what the items of a list are: it is written anew, for the items that there are.
+fn is_index(key: &str) -> bool {
+    key.strip_prefix("axis ").is_some_and(|k| k.ends_with(" index values") || k.ends_with(" index type"))
 }
 
 /// A header line must stay one.
@@ -124,15 +157,16 @@ impl<'a> Source<'a> {
     }
 }
 
-/// A placement as header lines.
+/// Placement and times as header lines.
 struct Place<'a> {
     placement: &'a Placement,
-    rgb: bool,
+    times: Option<&'a Times>,
+    axes: &'a Axes,
     source: Source<'a>,
 }
 
 impl Place<'_> {
-    /// Whether spacings alone say all that is known.
+    /// Whether spacings alone say all that is known of space.
     fn plain(&self) -> bool {
         let m = &self.placement.matrix;
         let off_axis = (0..3).flat_map(|r| (0..4).map(move |c| (r, c))).filter(|(r, c)| r != c);
@@ -143,6 +177,26 @@ impl Place<'_> {
     fn unplaced(&self) -> bool {
         let identity = Placement::default().matrix;
         self.placement.spacing_unknown && (0..3).all(|r| self.placement.matrix[r][..3] == identity[r][..3])
+    }
+
+    fn time_axis(&self) -> Option<usize> {
+        self.axes.list.iter().position(|a| a.role == Role::Time)
+    }
+
+    /// First time and interval that give exactly these times.
+    fn regular(&self) -> Option<(f64, f64)> {
+        let axis = self.time_axis()?;
+        let times = self.times.filter(|t| t.steps.len() > 1)?;
+        let centers = self.source.field("centers").or_else(|| self.source.field("centerings"));
+        let cell = centers.and_then(|c| c.split_whitespace().nth(axis)).is_some_and(|c| c.eq_ignore_ascii_case("cell"));
+        if cell && self.axes.original && times.steps[0] != 0.0 {
+            // The minimum of such an axis lies half an interval before its first sample, which rounds.
+            return None;
+        }
+        let (first, steps) = (times.steps[0], times.steps.len() as u32);
+        let candidates = [Some(times.steps[1] - first), times.interval()];
+        let exact = |i: &f64| *i > 0.0 && Times::regular(times.unit, first, *i, steps) == *times;
+        candidates.into_iter().flatten().find(exact).map(|interval| (first, interval))
     }
 
     fn write_space(&self, out: &mut dyn Write) -> io::Result<()> {
@@ -160,48 +214,88 @@ impl Place<'_> {
 
     fn write_axes(&self, out: &mut dyn Write) -> io::Result<()> {
         let p = self.placement;
-        // Debug prints the shortest text that reads back as the same number.
+        let spaced = self.plain() && !p.spacing_unknown;
+        let regular = self.regular();
+        if spaced || regular.is_some() {
+            // Debug prints the shortest text that reads back as the same number.
+            let spacing = |a: &Axis| match (a.role, regular) {
+                (Role::Space(i), _) if spaced => format!("{:?}", p.matrix[i][i]),
+                (Role::Time, Some((_, interval))) => format!("{interval:?}"),
+                _ => "nan".to_owned(),
+            };
+            writeln!(out, "spacings: {}", self.axes.line(spacing))?;
+        }
+        if let Some((first, _)) = regular.filter(|(first, _)| *first != 0.0) {
+            let min = |a: &Axis| if a.role == Role::Time { format!("{first:?}") } else { "nan".to_owned() };
+            writeln!(out, "axis mins: {}", self.axes.line(min))?;
+        }
         let vector = |v: [f64; 3]| format!("({:?},{:?},{:?})", v[0], v[1], v[2]);
-        if self.plain() {
-            if !p.spacing_unknown {
-                let m = &p.matrix;
-                let first = if self.rgb { "nan " } else { "" };
-                writeln!(out, "spacings: {first}{:?} {:?} {:?}", m[0][0], m[1][1], m[2][2])?;
-            }
-        } else {
-            let first = if self.rgb { "none " } else { "" };
-            if self.unplaced() {
-                writeln!(out, "space directions: {first}none none none")?;
-            } else {
-                let [a, b, c] = [0, 1, 2].map(|axis| vector(p.direction(axis)));
-                writeln!(out, "space directions: {first}{a} {b} {c}")?;
-            }
+        if !self.plain() {
+            let direction = |a: &Axis| match a.role {
+                Role::Space(i) if !self.unplaced() => vector(p.direction(i)),
+                _ => "none".to_owned(),
+            };
+            writeln!(out, "space directions: {}", self.axes.line(direction))?;
             writeln!(out, "space origin: {}", vector(p.origin()))?;
         }
-        self.write_unit(out)
+        self.write_units(out)
     }
 
-    fn write_unit(&self, out: &mut dyn Write) -> io::Result<()> {
+    fn write_units(&self, out: &mut dyn Write) -> io::Result<()> {
+        let quoted = |text: &str| format!("\"{}\"", one_line(text).replace('"', ""));
+        let space = self.space_units();
+        let time = self.times.map(|t| t.unit).filter(|u| *u != TimeUnit::Unknown && self.time_axis().is_some());
+        if let Some(texts) = space.as_ref().filter(|_| !self.plain()) {
+            let list = texts.iter().map(|t| quoted(t)).collect::<Vec<_>>().join(" ");
+            writeln!(out, "space units: {list}")?;
+        }
+        let per_axis = space.filter(|_| self.plain());
+        if per_axis.is_none() && time.is_none() {
+            return Ok(());
+        }
+        let unit = |a: &Axis| match a.role {
+            Role::Space(i) => quoted(per_axis.as_ref().map_or("", |texts| &texts[i])),
+            Role::Time => quoted(time.map_or("", TimeUnit::name)),
+            Role::Channel | Role::Nothing => quoted(""),
+        };
+        writeln!(out, "units: {}", self.axes.line(unit))
+    }
+
+    /// The units of x, y, z, as texts.
+    fn space_units(&self) -> Option<Vec<String>> {
         let unit = self.placement.unit;
         let original = ["spaceunits", "units"].into_iter().find_map(|id| {
             let list = fields::quoted(self.source.field(id)?)?;
-            // Of per-axis units, the last three are those of space.
-            let spatial = list.get(list.len().checked_sub(3)?..)?.to_vec();
+            // Of the units of all axes, those of space; where kinds do not say which they are, the last three.
+            let kinds: Vec<&str> = self.source.field("kinds").unwrap_or("").split_whitespace().collect();
+            let is_space = |kind: &str| matches!(role_of(kind), Some(Role::Space(_)));
+            let spatial: Vec<String> = match kinds.iter().filter(|k| is_space(k)).count() {
+                3 if kinds.len() == list.len() => {
+                    kinds.iter().zip(&list).filter(|(k, _)| is_space(k)).map(|(_, text)| text.clone()).collect()
+                }
+                _ => list.get(list.len().checked_sub(3)?..)?.to_vec(),
+            };
             let known = spatial.iter().all(|t| fields::unit_of(t) == unit);
             // Units that Vug has no code for (or mixed ones) are texts alone; a known unit has replaced them.
             let mixed = spatial.iter().any(|t| fields::unit_of(t) == Unit::Unknown || *t != spatial[0]);
             (known || unit == Unit::Unknown && mixed).then_some(spatial)
         });
-        let texts = match (original, unit) {
-            (Some(texts), _) => texts,
-            (None, Unit::Unknown) => return Ok(()),
-            (None, unit) => vec![unit.name().to_owned(); 3],
-        };
-        let list = texts.iter().map(|t| format!("\"{}\"", one_line(t).replace('"', ""))).collect::<Vec<_>>().join(" ");
-        match (self.plain(), self.rgb) {
-            (false, _) => writeln!(out, "space units: {list}"),
-            (true, true) => writeln!(out, "units: \"\" {list}"),
-            (true, false) => writeln!(out, "units: {list}"),
+        match (original, unit) {
+            (Some(texts), _) => Some(texts),
+            (None, Unit::Unknown) => None,
+            (None, unit) => Some(vec![unit.name().to_owned(); 3]),
         }
+    }
+
+    /// Times that are not evenly apart, as Slicer lists them.
+    fn write_index(&self, out: &mut dyn Write) -> io::Result<()> {
+        let (Some(times), Some(axis)) = (self.times, self.time_axis()) else { return Ok(()) };
+        // Slicer's own lists stay lists, so that it finds them again.
+        if self.regular().is_some() && self.axes.list[axis].kind != "list" {
+            return Ok(());
+        }
+        let values = times.steps.iter().map(|t| format!("{t:?}")).collect::<Vec<_>>().join(" ");
+        writeln!(out, "axis {axis} index type:=numeric")?;
+        writeln!(out, "{}:={values}", index_key(axis))
     }
 }

@@ -4,9 +4,11 @@
 
 use super::image::{Header, check_same, check_size, damaged, damaged_io, no_colours, opaque};
 use crate::convert::stored::Kind;
+use crate::convert::stream::pass;
 use crate::convert::{fault, payload};
 use crate::error::{Code, Error, Result};
-use crate::grid::{AlignedBytes, Grid};
+use crate::grid::{AlignedBytes, Grid, SlabReader};
+use crate::geometry::Extent;
 use crate::limits::MAX_AXIS;
 use crate::voxel::SampleType;
 use std::fs::File;
@@ -265,15 +267,17 @@ fn check_description(path: &Path, text: &str, pages: u32) -> Result<()> {
 }
 
 /// Writes planes as the pages of one uncompressed file; a big one where 4 GiB are not enough.
-pub(super) fn encode<W: Write + Seek>(out: W, grid: &Grid, planes: std::ops::Range<u32>) -> io::Result<()> {
-    let e = grid.extent();
-    let plane = e.x as usize * e.y as usize * grid.sample_type().bytes();
-    let bytes = &grid.bytes()[planes.start as usize * plane..planes.end as usize * plane];
+pub(super) fn encode<W: Write + Seek>(
+    out: W,
+    source: &mut dyn SlabReader,
+    planes: std::ops::Range<u32>,
+) -> io::Result<()> {
+    let plane = Grid::zeros(Extent { z: 1, ..source.extent() }, source.sample_type()).map_err(pass)?;
     // Headers of pages and lists of strips are far below a sixteenth of the rest, or else below 256 MiB.
-    let written = if bytes.len() as u64 > 0xE000_0000 {
-        TiffEncoder::new_big(out).and_then(|encoder| pages(encoder, grid, bytes, plane))
+    let written = if plane.bytes().len() as u64 * planes.len() as u64 > 0xE000_0000 {
+        TiffEncoder::new_big(out).and_then(|encoder| pages(encoder, source, plane, planes))
     } else {
-        TiffEncoder::new(out).and_then(|encoder| pages(encoder, grid, bytes, plane))
+        TiffEncoder::new(out).and_then(|encoder| pages(encoder, source, plane, planes))
     };
     written.map_err(|e| match e {
         TiffError::IoError(e) => e,
@@ -283,18 +287,19 @@ pub(super) fn encode<W: Write + Seek>(out: W, grid: &Grid, planes: std::ops::Ran
 
 fn pages<W: Write + Seek, K: TiffKind>(
     mut encoder: TiffEncoder<W, K>,
-    grid: &Grid,
-    bytes: &[u8],
-    plane: usize,
+    source: &mut dyn SlabReader,
+    mut plane: Grid,
+    planes: std::ops::Range<u32>,
 ) -> Result<(), TiffError> {
-    let (w, h) = (grid.extent().x, grid.extent().y);
-    for page in bytes.chunks_exact(plane) {
-        match grid.sample_type() {
-            SampleType::U8 => encoder.write_image::<colortype::Gray8>(w, h, page)?,
-            SampleType::U16 => encoder.write_image::<colortype::Gray16>(w, h, bytemuck::cast_slice(page))?,
-            SampleType::I16 => encoder.write_image::<colortype::GrayI16>(w, h, bytemuck::cast_slice(page))?,
-            SampleType::F32 => encoder.write_image::<colortype::Gray32Float>(w, h, bytemuck::cast_slice(page))?,
-            SampleType::Rgb8 => encoder.write_image::<colortype::RGB8>(w, h, page)?,
+    let (w, h) = (plane.extent().x, plane.extent().y);
+    for z in planes {
+        source.read_slab(z..z + 1, plane.bytes_mut()).map_err(pass)?;
+        match plane.sample_type() {
+            SampleType::U8 => encoder.write_image::<colortype::Gray8>(w, h, plane.samples::<u8>())?,
+            SampleType::U16 => encoder.write_image::<colortype::Gray16>(w, h, plane.samples::<u16>())?,
+            SampleType::I16 => encoder.write_image::<colortype::GrayI16>(w, h, plane.samples::<i16>())?,
+            SampleType::F32 => encoder.write_image::<colortype::Gray32Float>(w, h, plane.samples::<f32>())?,
+            SampleType::Rgb8 => encoder.write_image::<colortype::RGB8>(w, h, plane.bytes())?,
         }
     }
     Ok(())

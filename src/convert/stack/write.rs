@@ -3,9 +3,10 @@
 use super::image::Image;
 use super::{jpeg, png, tiff};
 use crate::convert::fault;
+use crate::convert::stream::pass;
 use crate::error::Result;
 use crate::geometry::Extent;
-use crate::grid::Grid;
+use crate::grid::{Grid, SlabReader};
 use crate::voxel::SampleType;
 use std::io::{self, Seek, Write};
 use std::path::Path;
@@ -34,18 +35,18 @@ pub(in crate::convert) fn check(path: &Path, image: Image, extent: Extent, sampl
 pub(in crate::convert) fn write<W: Write + Seek>(
     image: Image,
     out: &mut W,
-    grid: &Grid,
+    source: &mut dyn SlabReader,
     z: Option<u32>,
 ) -> io::Result<()> {
-    let e = grid.extent();
+    let e = source.extent();
     let planes = z.map_or(0..e.z, |z| z..z + 1);
     if image == Image::Tiff {
-        return tiff::encode(out, grid, planes);
+        return tiff::encode(out, source, planes);
     }
-    let plane = e.x as usize * e.y as usize * grid.sample_type().bytes();
-    let pixels = &grid.bytes()[planes.start as usize * plane..][..plane];
+    let mut plane = Grid::zeros(Extent { z: 1, ..e }, source.sample_type()).map_err(pass)?;
+    source.read_slab(planes.start..planes.start + 1, plane.bytes_mut()).map_err(pass)?;
     match (image, u16::try_from(e.x), u16::try_from(e.y)) {
-        (Image::Jpeg, Ok(x), Ok(y)) => jpeg::encode(out, (x, y), grid.sample_type(), pixels),
-        _ => png::encode(out, (e.x, e.y), grid.sample_type(), pixels),
+        (Image::Jpeg, Ok(x), Ok(y)) => jpeg::encode(out, (x, y), plane.sample_type(), plane.bytes()),
+        _ => png::encode(out, (e.x, e.y), plane.sample_type(), plane.bytes()),
     }
 }
