@@ -1,6 +1,7 @@
 //! Where a volume lies in the world: affine, coordinate space, unit, and the meaning of values (spec chapter 4).
 
 use crate::error::{Error, Result};
+use crate::geometry::Coord;
 
 macro_rules! wire_enum {
     ($(#[$doc:meta])* $name:ident { $($(#[$vdoc:meta])* $variant:ident = $code:literal, $text:literal;)* }) => {
@@ -123,6 +124,24 @@ impl Placement {
         self.direction(3)
     }
 
+    /// Placement of a part of level `lod` that starts at voxel `start` of that level, or of one that is halved from a finer
+    /// one: the centre of its first voxel, and the level's steps.
+    #[must_use]
+    pub fn moved(&self, lod: u8, start: Coord) -> Self {
+        let mut moved = self.clone();
+        let step = f64::from(1u32 << lod);
+        for row in &mut moved.matrix {
+            for (axis, first) in start.into_iter().enumerate() {
+                // A voxel of level l covers 2^l voxels of level 0; its centre lies between theirs.
+                row[3] += row[axis] * (f64::from(first) * step + (step - 1.0) / 2.0);
+            }
+            for v in &mut row[..3] {
+                *v *= step;
+            }
+        }
+        moved
+    }
+
     /// Determinant of the 3×3 part: negative for a left-handed placement, 0 for a singular one.
     #[must_use]
     pub fn determinant(&self) -> f64 {
@@ -195,5 +214,14 @@ mod tests {
         left_handed.matrix[0][0] = -1.0;
         left_handed.check().unwrap();
         Placement::from_spacing([1e-6; 3], [1e9; 3]).check().unwrap();
+    }
+
+    #[test] // B-03: the centre of a coarse voxel lies between those of its children
+    fn parts_and_levels_stay_where_they_are() {
+        let p = Placement::from_spacing([2.0, 3.0, 4.0], [10.0, 20.0, 30.0]);
+        assert_eq!(p.moved(0, [1, 2, 3]).origin(), [12.0, 26.0, 42.0]);
+        assert_eq!(p.moved(1, [0, 0, 0]).origin(), [11.0, 21.5, 32.0]);
+        assert_eq!(p.moved(1, [1, 0, 0]).origin(), [15.0, 21.5, 32.0]);
+        assert_eq!(p.moved(1, [0, 0, 0]).spacing(), [4.0, 6.0, 8.0]);
     }
 }

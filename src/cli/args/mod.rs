@@ -1,8 +1,10 @@
 //! The command line, declared.
 
+mod edit;
 mod encode;
 mod parse;
 
+pub(in crate::cli) use edit::{Extract, Pack, Repack, Write};
 pub(in crate::cli) use encode::{
     CodecArg, Encode, EndpointsArg, NanArg, NormArg, StreamArg, ThresholdArg, TrainingArg, ZerobitArgs,
 };
@@ -43,6 +45,9 @@ pub(in crate::cli) enum Command {
     Verify(Verify),
     Compare(Compare),
     Slice(Slice),
+    Extract(Extract),
+    Pack(Pack),
+    Repack(Repack),
 }
 
 impl Command {
@@ -55,6 +60,9 @@ impl Command {
             Command::Verify(c) => &c.common,
             Command::Compare(c) => &c.common,
             Command::Slice(c) => &c.common,
+            Command::Extract(c) => &c.common,
+            Command::Pack(c) => &c.common,
+            Command::Repack(c) => &c.common,
         }
     }
 }

@@ -2,6 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::geometry::{Extent, Region};
+use std::ops::Range;
 
 pub(super) fn numbers<T: std::str::FromStr>(s: &str, separator: char) -> Option<Vec<T>> {
     s.split(separator).map(|part| part.trim().parse().ok()).collect()
@@ -64,4 +65,47 @@ pub(super) fn parse_range(s: &str) -> Result<(f64, f64), String> {
 pub(super) fn parse_file_id(s: &str) -> Result<[u8; 16], String> {
     let digits = (s.len() == 32 && s.is_ascii()).then(|| u128::from_str_radix(s, 16).ok()).flatten();
     digits.map(u128::to_be_bytes).ok_or_else(|| "wants 32 hex digits".into())
+}
+
+/// `A:B`, half open, or one number alone.
+pub(super) fn parse_span<T>(s: &str) -> Result<Range<T>, String>
+where
+    T: std::str::FromStr + Copy + PartialOrd + Step,
+{
+    match numbers::<T>(s, ':').as_deref() {
+        Some(&[one]) => Ok(one..one.next().ok_or("is too large")?),
+        Some(&[a, b]) if a < b => Ok(a..b),
+        _ => Err("wants A:B with A < B, or one number".into()),
+    }
+}
+
+/// Numbers that have a next one.
+pub(super) trait Step: Sized {
+    fn next(self) -> Option<Self>;
+}
+
+impl Step for u8 {
+    fn next(self) -> Option<Self> {
+        self.checked_add(1)
+    }
+}
+
+impl Step for u32 {
+    fn next(self) -> Option<Self> {
+        self.checked_add(1)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn spans() {
+        assert_eq!(parse_span::<u8>("3"), Ok(3..4));
+        assert_eq!(parse_span::<u32>("3:5"), Ok(3..5));
+        for bad in ["", "5:3", "3:3", "255", "1:2:3", "-1", "a"] {
+            assert!(parse_span::<u8>(bad).is_err(), "{bad}");
+        }
+    }
 }

@@ -1,12 +1,11 @@
 //! `vug decode`: a `.vug` file becomes a foreign volume.
 
-use crate::affine::Placement;
 use crate::cli::args::Decode;
 use crate::cli::open::open_source;
 use crate::cli::output::{Verdict, error_json, progress};
 use crate::convert::{ExportInfo, Target};
 use crate::error::{Error, Result};
-use crate::geometry::{Coord, Extent, Region};
+use crate::geometry::{Extent, Region};
 use crate::grid::{Grid, dense_len};
 use crate::limits::{self, Limits};
 use crate::source::AtomicFile;
@@ -48,7 +47,7 @@ pub(super) fn run(args: &Decode) -> Result<Verdict> {
         (grid, Vec::new())
     };
     bar.finish_and_clear();
-    let placement = moved(&volume.info().placement, args.level + steps, region.start);
+    let placement = volume.info().placement.moved(args.level + steps, region.start);
     let meta: Option<Value> = match volume.meta() {
         Ok(text) => text.and_then(|t| serde_json::from_str(&t).ok()),
         Err(_) if args.salvage => None,
@@ -110,22 +109,6 @@ fn decode(volume: &Volume, at: At, region: Region, bar: &indicatif::ProgressBar)
     Ok(grid)
 }
 
-/// Placement of a part of a coarser level, or of one that is halved from a finer one: the centre of its first voxel, and the level's steps.
-fn moved(placement: &Placement, lod: u8, start: Coord) -> Placement {
-    let mut moved = placement.clone();
-    let step = f64::from(1u32 << lod);
-    for row in &mut moved.matrix {
-        for (axis, first) in start.into_iter().enumerate() {
-            // A voxel of level l covers 2^l voxels of level 0; its centre lies between theirs.
-            row[3] += row[axis] * (f64::from(first) * step + (step - 1.0) / 2.0);
-        }
-        for v in &mut row[..3] {
-            *v *= step;
-        }
-    }
-    moved
-}
-
 fn report(args: &Decode, volume: &Volume, grid: &Grid, lost: &[LostBrick]) {
     if args.common.json {
         let lost: Vec<Value> = lost
@@ -152,19 +135,5 @@ fn report(args: &Decode, volume: &Volume, grid: &Grid, lost: &[LostBrick]) {
     }
     if !lost.is_empty() {
         eprintln!("{} bricks are lost and hold the null value", lost.len());
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test] // B-03: the centre of a coarse voxel lies between those of its children
-    fn parts_and_levels_stay_where_they_are() {
-        let p = Placement::from_spacing([2.0, 3.0, 4.0], [10.0, 20.0, 30.0]);
-        assert_eq!(moved(&p, 0, [1, 2, 3]).origin(), [12.0, 26.0, 42.0]);
-        assert_eq!(moved(&p, 1, [0, 0, 0]).origin(), [11.0, 21.5, 32.0]);
-        assert_eq!(moved(&p, 1, [1, 0, 0]).origin(), [15.0, 21.5, 32.0]);
-        assert_eq!(moved(&p, 1, [0, 0, 0]).spacing(), [4.0, 6.0, 8.0]);
     }
 }
