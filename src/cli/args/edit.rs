@@ -1,7 +1,8 @@
 //! Commands that make a `.vug` file of another one.
 
-use super::Common;
+use super::encode::NanArg;
 use super::parse::{parse_file_id, parse_region, parse_span};
+use super::{Common, Import};
 use crate::geometry::Region;
 use clap::Args;
 use std::ops::Range;
@@ -14,6 +15,7 @@ use std::path::PathBuf;
 
 Examples:
   vug pack stream.vug head.vug
+  vug pack head.vug log.vug --log
   vug pack head.vug web.vug --clustered")]
 pub(in crate::cli) struct Pack {
     /// .vug file
@@ -23,6 +25,9 @@ pub(in crate::cli) struct Pack {
     /// Coarsest level first, then by time step, channel and position; else as the bricks lie in SOURCE
     #[arg(long)]
     pub(in crate::cli) clustered: bool,
+    /// Write a log, which `vug append` can add time steps to
+    #[arg(long)]
+    pub(in crate::cli) log: bool,
     #[command(flatten)]
     pub(in crate::cli) write: Write,
     #[command(flatten)]
@@ -88,6 +93,39 @@ pub(in crate::cli) struct Extract {
     pub(in crate::cli) clustered: bool,
     #[command(flatten)]
     pub(in crate::cli) write: Write,
+    #[command(flatten)]
+    pub(in crate::cli) common: Common,
+}
+
+/// Appends time steps to a log (a .vug file that `vug encode --log` or `vug pack --log` wrote)
+#[derive(Args)]
+#[command(after_help = "Each SOURCE is a volume of the same shape, type and channels: one time step, or several. It is encoded as FILE is.
+What FILE held before stays as it is; a SOURCE is there whole or not at all, whenever the program is stopped.
+
+Examples:
+  vug append series.vug step17.nrrd
+  vug append series.vug step17.nrrd step18.nrrd --time 34,36
+  vug append series.vug step17.vug               encoded already: its bricks are copied")]
+pub(in crate::cli) struct Append {
+    /// Log to append to
+    pub(in crate::cli) file: PathBuf,
+    /// Volumes to append: any readable file
+    #[arg(required = true)]
+    pub(in crate::cli) sources: Vec<PathBuf>,
+    /// Times of the new steps, where FILE has times, in its unit [default: what SOURCE says, else FILE's interval goes on]
+    #[arg(long, value_name = "T,…", value_delimiter = ',', allow_negative_numbers = true)]
+    pub(in crate::cli) time: Vec<f64>,
+    /// Store payloads as they go to the GPU, without zstd
+    #[arg(long)]
+    pub(in crate::cli) no_zstd: bool,
+    /// NaN and infinities
+    #[arg(long, value_enum, default_value = "reject")]
+    pub(in crate::cli) nan: NanArg,
+    /// Folder for temporary files [default: that of FILE]
+    #[arg(long, value_name = "DIR")]
+    pub(in crate::cli) temp_dir: Option<PathBuf>,
+    #[command(flatten)]
+    pub(in crate::cli) import: Import,
     #[command(flatten)]
     pub(in crate::cli) common: Common,
 }

@@ -1,28 +1,48 @@
 //! The copying itself: payloads are read in groups, looked at side by side, and written in order.
 
 use super::excerpt::{Excerpt, Item};
+use super::stored::{groups, read_all};
 use super::{CopyReport, ZstdPolicy};
+use crate::codec::Codec;
 use crate::container::{BrickSink, FileWriter, FinishOptions, Node, NodeFlags, NodeKind, VolumeDescriptor};
-use crate::error::{Code, Error, Result};
-use crate::geometry::{Coord, Region};
+use crate::error::{Error, Result};
 use crate::limits;
-use crate::metrics::value_range;
 use crate::supercompression;
 use crate::volume::Volume;
-use crate::volume::brick_encoder::with_scratch;
 use crate::volume::encode::Progress;
 use rayon::prelude::*;
 use std::borrow::Cow;
 use std::io::{Seek, Write};
 
-/// Payload bytes that are held at a time, as they are stored.
-const GROUP_BYTES: u64 = 16 << 20;
-/// Bricks looked at side by side at most: they may be decoded.
-const GROUP_BRICKS: usize = 256;
-/// Ranges closer together than this are read in one go: leader, guard and alignment of neighbouring bricks.
-const MERGE_GAP: u64 = 512;
 /// Payload bytes between the checkpoints of a file that can have some.
 const CHECKPOINT_BYTES: u64 = 64 << 20;
+
+/// Copies bricks of one volume.
+pub(super) struct Copier<'a> {
+    pub(super) volume: &'a Volume,
+    pub(super) zstd: ZstdPolicy,
+    /// Whether bounds in nodes are not those of what is copied: they are then found by decoding.
+    pub(super) measure: bool,
+    /// Added to the numbers of codebooks in payloads.
+    pub(super) first_book: u32,
+    /// New entries of the codec table by old ones; where there is none, the same.
+    pub(super) codecs: Vec<u8>,
+    /// Whether bricks that cannot be copied are left out, and listed.
+    pub(super) tolerant: bool,
+}
+
+/// What was copied.
+#[derive(Default)]
+pub(super) struct Copied {
+    /// Bytes before zstd.
+    pub(super) payload_bytes: u64,
+    /// Stored bytes, as they were.
+    pub(super) stored_bytes: u64,
+    /// Payloads that were compressed or inflated.
+    pub(super) converted: u64,
+    /// What was left out, and why.
+    pub(super) lost: Vec<(Item, Error)>,
+}
 
 /// A brick that is ready to be written.
 struct Ready<'a> {
@@ -34,7 +54,7 @@ struct Ready<'a> {
 }
 
 impl Excerpt<'_> {
-    /// Writes the part as a head file into an empty `out`: complete, but not synced, when this returns.
+    /// Writes the excerpt as a head file into an empty `out`: complete, but not synced, when this returns.
     ///
     /// # Errors
     /// As [`Excerpt::copy`].
@@ -60,37 +80,79 @@ impl Excerpt<'_> {
         progress: &mut Progress<'_>,
     ) -> Result<(S::Out, CopyReport)> {
         let items = self.items()?;
+        let copier = Copier::new(self.volume, self.zstd, self.loses_descendants());
+        let descriptor =
+            |copied: &Copied| VolumeDescriptor { payload_bytes: copied.payload_bytes, ..self.descriptor().clone() };
+        let mut committed = 0;
+        let copied = copier.run(&items, &mut sink, progress, &mut |sink, copied| {
+            if copied.stored_bytes - committed < CHECKPOINT_BYTES {
+                return Ok(());
+            }
+            committed = copied.stored_bytes;
+            sink.checkpoint(&descriptor(copied), &options)
+        })?;
+        let (out, file) = sink.finish(&descriptor(&copied), options)?;
+        Ok((out, CopyReport { file, payload_bytes: copied.payload_bytes, converted: copied.converted }))
+    }
+}
+
+impl<'a> Copier<'a> {
+    pub(super) fn new(volume: &'a Volume, zstd: ZstdPolicy, measure: bool) -> Self {
+        Copier { volume, zstd, measure, first_book: 0, codecs: Vec::new(), tolerant: false }
+    }
+
+    /// Copies `items` in their order; `after` is called after each group of them.
+    pub(super) fn run<S: BrickSink>(
+        &self,
+        items: &[Item],
+        sink: &mut S,
+        progress: &mut Progress<'_>,
+        after: &mut dyn FnMut(&mut S, &Copied) -> Result<()>,
+    ) -> Result<Copied> {
         let total: u64 = items.iter().map(|i| u64::from(i.node.stored_len)).sum();
-        let mut descriptor = VolumeDescriptor { payload_bytes: 0, ..self.descriptor().clone() };
-        let (mut done, mut committed, mut converted) = (0, 0, 0);
-        for group in groups(&items) {
-            let stored = read_all(self.volume, group)?;
-            let ready: Result<Vec<Option<Ready<'_>>>> =
+        let mut copied = Copied::default();
+        for group in groups(items) {
+            let (stored, mut failed) = self.read(group)?;
+            let ready: Vec<Result<Option<Ready<'_>>>> =
                 group.par_iter().zip(&stored).map(|(item, bytes)| self.ready(item, bytes)).collect();
-            for (item, ready) in group.iter().zip(ready?) {
+            for (i, (item, ready)) in group.iter().zip(ready).enumerate() {
                 let (tree, level, brick) = item.to;
                 match ready {
-                    Some(r) => {
+                    Ok(Some(r)) => {
                         sink.put_stored(tree, level, brick, &r.node, &r.payload)?;
-                        descriptor.payload_bytes += r.payload_len;
-                        converted += u64::from(r.converted);
-                        done += u64::from(item.node.stored_len);
+                        copied.payload_bytes += r.payload_len;
+                        copied.converted += u64::from(r.converted);
                     }
-                    None => sink.put_constant(tree, level, brick, &self.constant(&item.node)?)?,
+                    Ok(None) => sink.put_constant(tree, level, brick, &self.constant(&item.node)?)?,
+                    Err(e) if self.tolerant => copied.lost.push((*item, failed[i].take().unwrap_or(e))),
+                    Err(e) => return Err(e),
                 }
+                copied.stored_bytes += u64::from(item.node.stored_len);
             }
-            progress(done, total);
-            if done - committed >= CHECKPOINT_BYTES {
-                sink.checkpoint(&descriptor, &options)?;
-                committed = done;
-            }
+            progress(copied.stored_bytes, total);
+            after(sink, &copied)?;
         }
-        let (out, file) = sink.finish(&descriptor, options)?;
-        Ok((out, CopyReport { file, payload_bytes: descriptor.payload_bytes, converted }))
+        Ok(copied)
+    }
+
+    /// The stored bytes of a group; of what cannot be read nothing, and why.
+    fn read(&self, group: &[Item]) -> Result<(Vec<Cow<'a, [u8]>>, Vec<Option<Error>>)> {
+        match read_all(self.volume, group) {
+            Ok(stored) => Ok((stored, group.iter().map(|_| None).collect())),
+            Err(e) if !self.tolerant => Err(e),
+            // One after the other: some of them can be read, it may be.
+            Err(_) => Ok(group
+                .iter()
+                .map(|item| match read_all(self.volume, std::slice::from_ref(item)) {
+                    Ok(mut stored) => (stored.pop().unwrap_or_default(), None),
+                    Err(e) => (Cow::default(), Some(e)),
+                })
+                .unzip()),
+        }
     }
 
     /// Checks and converts one brick; `None` for a CONSTANT one.
-    fn ready<'a>(&self, item: &Item, stored: &'a [u8]) -> Result<Option<Ready<'a>>> {
+    fn ready<'b>(&self, item: &Item, stored: &'b [u8]) -> Result<Option<Ready<'b>>> {
         if item.node.kind != NodeKind::Stored {
             return Ok(None);
         }
@@ -103,10 +165,19 @@ impl Excerpt<'_> {
             supercompression::inflate(stored, lens, item.node.offset, "brick.payload")
         };
         let mut node = item.node;
-        if self.loses_descendants() {
+        if self.measure {
             let payload = if zstd { Cow::Owned(inflate()?) } else { Cow::Borrowed(stored) };
             let range = volume.decoded_range(&item.node, level, brick, &payload)?;
             node = Node::new_stored(node.codec, own_flags(&node), range, own_error(&node));
+        }
+        node.codec = self.codecs.get(usize::from(node.codec)).copied().unwrap_or(node.codec);
+        if self.first_book > 0 && matches!(volume.codecs.get(item.node.codec)?.codec(), Codec::Zerobit(_)) {
+            let payload = renumbered(if zstd { inflate()? } else { stored.to_vec() }, self.first_book, &item.node)?;
+            let keeps = self.zstd == ZstdPolicy::Compress || (self.zstd == ZstdPolicy::Keep && zstd);
+            let frame = if keeps { supercompression::compress(&payload)? } else { None };
+            node.flags = with_zstd(node.flags, frame.is_some());
+            let payload = Cow::Owned(frame.unwrap_or(payload));
+            return Ok(Some(Ready { node, payload, payload_len, converted: false }));
         }
         let payload = match self.zstd {
             ZstdPolicy::Compress if !zstd => supercompression::compress(stored)?,
@@ -114,24 +185,22 @@ impl Excerpt<'_> {
             _ => None,
         };
         let converted = payload.is_some();
-        if converted {
-            node.flags = NodeFlags(node.flags.0 ^ NodeFlags::ZSTD.0);
-        }
+        node.flags = with_zstd(node.flags, zstd != converted);
         let payload = payload.map_or(Cow::Borrowed(stored), Cow::Owned);
         Ok(Some(Ready { node, payload, payload_len, converted }))
     }
 
     /// The node of a CONSTANT brick.
     fn constant(&self, node: &Node) -> Result<Node> {
-        if !self.loses_descendants() {
+        if !self.measure {
             return Ok(*node);
         }
-        Ok(Node::new_constant(node.constant(self.descriptor().sample_type)?, own_flags(node), own_error(node)))
+        Ok(Node::new_constant(node.constant(self.volume.info().sample_type)?, own_flags(node), own_error(node)))
     }
 }
 
 /// Flags of the brick alone.
-pub(super) fn own_flags(node: &Node) -> NodeFlags {
+fn own_flags(node: &Node) -> NodeFlags {
     NodeFlags(node.flags.0 & !NodeFlags::ERROR_KNOWN.0)
 }
 
@@ -143,80 +212,17 @@ fn own_error(node: &Node) -> Option<f64> {
     node.flags.contains(NodeFlags::ERROR_KNOWN).then_some(f64::from(node.max_error))
 }
 
-impl Volume {
-    /// Length of a stored payload before zstd, checked against what the codec allows where it is known (spec: BRK-7, BRK-9).
-    pub(super) fn payload_len(&self, node: &Node, level: u8, brick: Coord, stored: &[u8]) -> Result<u64> {
-        let allowed = match self.codecs.get(node.codec) {
-            Ok(entry) => {
-                let extent = self.head.octree.levels[usize::from(level)].extent;
-                self.codecs.layout(self.codecs.layout_index(entry, level, brick, extent)).payload_lens
-            }
-            Err(e) if e.code() == Code::Codec => [0, self.limits.brick_bytes],
-            Err(e) => return Err(e),
-        };
-        let [least, most] = [allowed[0], allowed[1].min(self.limits.brick_bytes)];
-        limits::check("brick", least, self.limits.brick_bytes)?;
-        if node.flags.contains(NodeFlags::ZSTD) {
-            return supercompression::content_len(stored, least..=most, node.offset, "brick.payload");
-        }
-        let len = stored.len() as u64;
-        if (least..=most).contains(&len) {
-            return Ok(len);
-        }
-        let message = format!("{len} bytes stored where the codec needs {least} to {most}");
-        Err(Error::at(Code::Size, node.offset, "node.stored_len", message))
-    }
-
-    /// Smallest and largest value of a brick whose payload is uncompressed and checked.
-    pub(super) fn decoded_range(&self, node: &Node, level: u8, brick: Coord, payload: &[u8]) -> Result<(f64, f64)> {
-        let (entry, layout) = self.codec_of(node, level, brick)?;
-        let extent = self.codecs.layout(layout).extent;
-        with_scratch(extent, self.info().sample_type, |mut decoded| {
-            let whole = Region::whole(extent);
-            entry.codec().decode(payload, extent, &whole, decoded.sub(&whole))?;
-            value_range(&decoded.as_view()).ok_or_else(|| {
-                Error::at(Code::NonFinite, node.offset, "brick.payload", "the brick decodes to no finite number")
-            })
-        })
-    }
+fn with_zstd(flags: NodeFlags, zstd: bool) -> NodeFlags {
+    NodeFlags(flags.0 & !NodeFlags::ZSTD.0 | if zstd { NodeFlags::ZSTD.0 } else { 0 })
 }
 
-/// Bricks that are read and looked at together.
-fn groups(items: &[Item]) -> impl Iterator<Item = &[Item]> {
-    let mut rest = items;
-    std::iter::from_fn(move || {
-        let mut bytes = 0;
-        let fits = rest.iter().take(GROUP_BRICKS).take_while(|item| {
-            bytes += u64::from(item.node.stored_len);
-            bytes <= GROUP_BYTES
-        });
-        let count = fits.count().max(1).min(rest.len());
-        let (group, later) = rest.split_at(count);
-        rest = later;
-        (!group.is_empty()).then_some(group)
-    })
-}
-
-/// The stored bytes of each brick, empty for CONSTANT ones. Neighbours are read together.
-fn read_all<'a>(volume: &'a Volume, group: &[Item]) -> Result<Vec<Cow<'a, [u8]>>> {
-    let mut by_offset: Vec<usize> = (0..group.len()).filter(|&i| group[i].node.kind == NodeKind::Stored).collect();
-    by_offset.sort_by_key(|&i| group[i].node.offset);
-    let range = |i: usize| group[i].node.offset..group[i].node.offset + u64::from(group[i].node.stored_len);
-    let mut stored = vec![Cow::Borrowed(&[][..]); group.len()];
-    let near = |a: &usize, b: &usize| range(*b).start.saturating_sub(range(*a).end) <= MERGE_GAP;
-    for run in by_offset.chunk_by(near) {
-        let start = range(run[0]).start;
-        let end = run.iter().map(|&i| range(i).end).max().unwrap_or(start);
-        #[allow(clippy::cast_possible_truncation, reason = "payloads of a group, and gaps between them")]
-        let bytes = volume.source.read(start, (end - start) as usize)?;
-        for &i in run {
-            #[allow(clippy::cast_possible_truncation, reason = "inside the bytes that were read")]
-            let part = (range(i).start - start) as usize..(range(i).end - start) as usize;
-            stored[i] = match &bytes {
-                Cow::Borrowed(bytes) => Cow::Borrowed(&bytes[part]),
-                Cow::Owned(bytes) => Cow::Owned(bytes[part].to_vec()),
-            };
-        }
-    }
-    Ok(stored)
+/// A zerobit payload that names a codebook `first` further on: its number is the payload's first word (spec 14.4).
+fn renumbered(mut payload: Vec<u8>, first: u32, node: &Node) -> Result<Vec<u8>> {
+    let Some((number, _)) = payload.split_first_chunk_mut::<4>() else {
+        return Err(Error::at(crate::Code::Size, node.offset, "brick.payload", "no codebook is named"));
+    };
+    let new = u64::from(u32::from_le_bytes(*number)) + u64::from(first);
+    limits::check("zerobit.codebook", new, limits::MAX_CODEBOOKS - 1)?;
+    *number = u32::try_from(new).expect("below 4,096").to_le_bytes();
+    Ok(payload)
 }

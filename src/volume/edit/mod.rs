@@ -22,6 +22,7 @@
 mod copy;
 mod excerpt;
 mod sections;
+mod stored;
 
 pub use excerpt::Excerpt;
 
