@@ -2,20 +2,19 @@
 //!
 //! Nothing here asks a clock, a random number or a hash map for an order: same input, same bytes (spec: GEN-8).
 
+use super::NodeFlags;
+use super::content::{codebooks, items, known, others};
 use super::descriptor::{CODEC_BYTES, VolumeDescriptor};
 use super::directory::{CHUNK_PAGES, ChunkRef, PageEntry, REF_BYTES, write_entries, write_nodes, write_refs};
 use super::features::{self, OPTIONAL_NAN_REPLACED, REQUIRED_ZSTD};
 use super::layout::{self, HeadPlan, Part};
-use super::section::{self, ENTRY_BYTES, ExtraSection, FourCc, SectionEntry, SectionFlags, show};
+use super::section::{self, ENTRY_BYTES, ExtraSection, SectionEntry, SectionFlags};
 use super::store::NodeStore;
 use super::superblock::{SUPERBLOCK_BYTES, Superblock};
-use super::table::SECTION_VERSION;
 use super::write::{FinishOptions, Placed};
-use super::{NodeFlags, check_meta};
 use crate::checksum::crc32;
 use crate::error::{Code, Error, Result};
 use crate::limits;
-use crate::supercompression;
 use std::cmp::Reverse;
 
 /// What a contiguous part of the file holds.
@@ -83,7 +82,8 @@ impl Tables {
             contents.push(Content::Known(section));
             contents.len() - 1
         });
-        contents.extend(others(options.meta, options.extra)?.into_iter().map(Content::Known));
+        let others = others(options.times.as_ref(), options.meta, options.extra, d.time_steps)?;
+        contents.extend(others.into_iter().map(Content::Known));
         contents.push(Content::Pages);
 
         let page_bytes = nodes.pages.values().map(|nodes| write_len(nodes)).sum();
@@ -180,87 +180,6 @@ impl Tables {
 pub(super) fn content_id(vold: &[u8], pdir: &[u8], books: &[u8]) -> [u8; 16] {
     let hash = blake3::Hasher::new().update(vold).update(pdir).update(books).finalize();
     std::array::from_fn(|i| hash.as_bytes()[i])
-}
-
-/// The `CBOK` section. // spec: ZBT-34
-fn codebooks((bytes, count): (Vec<u8>, u64)) -> Result<ExtraSection> {
-    if count == 0 {
-        return Err(Error::param("codebooks", "a section of no codebooks is left out"));
-    }
-    limits::check("codebooks", count, limits::MAX_CODEBOOKS)?;
-    let mut s = known(section::CBOK, SectionFlags::CRITICAL, bytes, 0, 0);
-    s.entry.item_count = count;
-    Ok(s)
-}
-
-/// META and foreign sections in the order of their FourCC, META first.
-fn others(meta: Option<Vec<u8>>, mut extra: Vec<ExtraSection>) -> Result<Vec<ExtraSection>> {
-    if let Some(text) = meta {
-        check_meta(&text, 0).map_err(|e| Error::new(e.code(), "meta", e.message().to_owned()))?;
-        extra.push(compressed(text)?);
-    }
-    extra.sort_by_key(|s| (s.entry.fourcc != section::META, s.entry.fourcc));
-    for (i, s) in extra.iter().enumerate() {
-        let name = show(s.entry.fourcc);
-        let own = section::is_critical(s.entry.fourcc) || s.entry.fourcc == section::FNAM;
-        if own || s.entry.flags.contains(SectionFlags::CRITICAL) {
-            return Err(Error::param("section", format!("{name} is written by the container itself, or is CRITICAL")));
-        }
-        check_extra(s)?;
-        if extra[..i].iter().any(|o| o.entry.fourcc == s.entry.fourcc) {
-            return Err(Error::new(Code::Dup, "section", format!("section {name} is given twice")));
-        }
-    }
-    Ok(extra)
-}
-
-/// A section that comes from outside must be one that a reader takes.
-fn check_extra(s: &ExtraSection) -> Result<()> {
-    let name = || show(s.entry.fourcc);
-    let entry = SectionEntry { offset: 0, ..s.entry.clone() };
-    SectionEntry::read_from(&entry.write_to(), 0)
-        .and_then(|_| s.entry.check_crc(&s.bytes))
-        .map_err(|e| Error::new(e.code(), format!("{} of {}", e.field().to_owned(), name()), e.message().to_owned()))?;
-    if s.entry.stored_len != s.bytes.len() as u64 {
-        return Err(Error::new(Code::Size, "section", format!("{}: stored length and bytes differ", name())));
-    }
-    Ok(())
-}
-
-/// The `META` section, compressed where that is smaller (spec: SEC-7).
-fn compressed(text: Vec<u8>) -> Result<ExtraSection> {
-    let decoded_len = text.len() as u64;
-    let (bytes, supercompression) = match supercompression::compress(&text)? {
-        Some(frame) => (frame, 1),
-        None => (text, 0),
-    };
-    let mut s = known(section::META, SectionFlags::COPY_SAFE, bytes, 0, 0);
-    (s.entry.decoded_len, s.entry.supercompression) = (decoded_len, supercompression);
-    Ok(s)
-}
-
-fn known(fourcc: FourCc, flags: SectionFlags, bytes: Vec<u8>, count: usize, item_size: usize) -> ExtraSection {
-    let mut entry = items(fourcc, 0, bytes.len() as u64, count as u64, flags);
-    entry.crc = crc32(&bytes);
-    entry.item_size = u32::try_from(item_size).expect("24 or 32");
-    ExtraSection { entry, bytes }
-}
-
-fn items(fourcc: FourCc, offset: u64, len: u64, item_count: u64, flags: SectionFlags) -> SectionEntry {
-    SectionEntry {
-        fourcc,
-        version: SECTION_VERSION,
-        flags,
-        offset,
-        stored_len: len,
-        decoded_len: len,
-        align_log2: 4,
-        supercompression: 0,
-        crc: 0,
-        item_count,
-        item_size: 0,
-        owner: 0,
-    }
 }
 
 /// CRITICAL, and GPU_DIRECT where every level is stored uncompressed by one codec entry (spec: BRK-10).

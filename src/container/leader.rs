@@ -6,7 +6,7 @@
 //! | 4 | 1×4 | level, kind, codec entry, flags |
 //! | 8 | 8 | brick position: x, y << 21, z << 42 |
 //! | 16 | 4 | tree |
-//! | 20 | 4+4 | stored length and CRC-32 of the payload |
+//! | 20 | 4+4 | stored length and CRC-32 of the payload; CONSTANT: 0 and the raw value |
 //! | 28 | 4 | CRC-32 of the file id and bytes 0 to 27 |
 
 use super::node::{Node, NodeFlags, NodeKind};
@@ -18,7 +18,7 @@ use binrw::binrw;
 
 /// Bytes of a leader.
 pub const LEADER_BYTES: usize = 32;
-const MAGIC: [u8; 4] = *b"VBRK";
+pub(super) const MAGIC: [u8; 4] = *b"VBRK";
 const AXIS_MASK: u64 = (1 << 21) - 1;
 
 /// What stands before a payload.
@@ -26,6 +26,8 @@ const AXIS_MASK: u64 = (1 << 21) - 1;
 pub struct Leader {
     /// Level of detail.
     pub level: u8,
+    /// STORED; in log files CONSTANT too: then no payload follows.
+    pub kind: NodeKind,
     /// Codec entry.
     pub codec: u8,
     /// The node's flags that concern the brick alone: ZSTD, LOSSLESS, NAN_REPLACED.
@@ -36,7 +38,7 @@ pub struct Leader {
     pub tree: u32,
     /// Bytes of the payload in the file.
     pub stored_len: u32,
-    /// CRC-32 of the payload.
+    /// STORED: CRC-32 of the payload. CONSTANT: the raw value.
     pub crc: u32,
 }
 
@@ -56,17 +58,30 @@ struct Wire {
 }
 
 impl Leader {
-    /// The leader of a stored node (spec: BRK-5).
+    /// The leader of a node that is STORED or CONSTANT (spec: BRK-5, LOG-3).
     #[must_use]
     pub fn of(node: &Node, tree: u32, level: u8, brick: Coord) -> Self {
+        #[allow(clippy::cast_possible_truncation, reason = "a raw value has at most 32 bits")]
+        let crc = if node.kind == NodeKind::Constant { node.offset as u32 } else { node.crc };
         Leader {
             level,
+            kind: node.kind,
             codec: node.codec,
             flags: NodeFlags(node.flags.0 & NodeFlags::IN_LEADER),
             brick,
             tree,
             stored_len: node.stored_len,
-            crc: node.crc,
+            crc,
+        }
+    }
+
+    /// The node that belongs to this leader, which lies at `at`. Its bounds are not known.
+    #[must_use]
+    pub fn node(&self, at: u64) -> Node {
+        let node = Node { kind: self.kind, codec: self.codec, flags: self.flags, ..Node::EMPTY };
+        match self.kind {
+            NodeKind::Constant => Node { offset: u64::from(self.crc), ..node },
+            _ => Node { offset: at + LEADER_BYTES as u64, stored_len: self.stored_len, crc: self.crc, ..node },
         }
     }
 
@@ -77,7 +92,7 @@ impl Leader {
         let mut bytes: [u8; LEADER_BYTES] = wire::write(&Wire {
             magic: MAGIC,
             level: self.level,
-            kind: NodeKind::Stored as u8,
+            kind: self.kind as u8,
             codec: self.codec,
             flags: self.flags.0,
             position: x | y << 21 | z << 42,
@@ -107,13 +122,19 @@ impl Leader {
                 format!("CRC {computed:08x} computed, {:08x} stored; damaged or of another file", w.leader_crc);
             return bad(28, "leader.crc", message);
         }
-        if w.kind != NodeKind::Stored as u8 || w.flags & !NodeFlags::IN_LEADER != 0 || w.position >> 63 != 0 {
+        let kind = match w.kind {
+            k if k == NodeKind::Stored as u8 => Some(NodeKind::Stored),
+            k if k == NodeKind::Constant as u8 && w.codec == 0 && w.stored_len == 0 => Some(NodeKind::Constant),
+            _ => None,
+        };
+        let Some(kind) = kind.filter(|_| w.flags & !NodeFlags::IN_LEADER == 0 && w.position >> 63 == 0) else {
             return bad(5, "leader", "kind, flags or position have bits set that a leader cannot have".into());
-        }
+        };
         #[allow(clippy::cast_possible_truncation, reason = "masked to 21 bits")]
         let axis = |shift: u32| (w.position >> shift & AXIS_MASK) as u32;
         Ok(Leader {
             level: w.level,
+            kind,
             codec: w.codec,
             flags: NodeFlags(w.flags),
             brick: [axis(0), axis(21), axis(42)],

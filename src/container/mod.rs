@@ -15,11 +15,14 @@
 //! | leader | 32 | [`Leader`] |
 
 mod assemble;
+mod content;
 mod descriptor;
 mod directory;
 mod features;
+mod kept;
 mod layout;
 mod leader;
+mod log;
 mod meta;
 mod node;
 mod octree;
@@ -31,6 +34,7 @@ mod store;
 pub mod strict;
 mod superblock;
 mod table;
+mod times;
 mod wire;
 mod write;
 
@@ -38,7 +42,9 @@ pub use descriptor::{Achieved, CODEC_RAW, CODEC_S3DC, CodecEntry, Downsample, Vo
 pub use descriptor::{CODEC_BYTES as CODEC_ENTRY_BYTES, FIXED_BYTES as DESCRIPTOR_BYTES};
 pub use directory::{CHUNK_PAGES, ChunkRef, PAGE_NODES, PageEntry, parse_chunk, parse_page};
 pub use features::{FeatureName, OPTIONAL_NAN_REPLACED, REQUIRED_ZSTD};
+pub use kept::kept_options;
 pub use leader::{LEADER_BYTES, Leader, find_leaders};
+pub use log::{Commit, LogWriter};
 pub use meta::check_meta;
 pub use node::{Node, NodeFlags, NodeKind, round_down_f32, round_up_f32};
 pub use octree::{Level, Octree};
@@ -47,6 +53,7 @@ pub use rewrite::rewrite;
 pub use section::{ExtraSection, FourCc, SectionEntry, SectionFlags};
 pub use sink::BrickSink;
 pub use superblock::{FileLayout, MAGIC, SUPERBLOCK_BYTES, Superblock};
+pub use times::parse_times;
 pub use write::{FileSummary, FileWriter, FinishOptions};
 
 /// Zero bytes behind every payload, so that decoders may load whole words (spec: BRK-4).

@@ -3,10 +3,11 @@
 
 use super::directory::{self, ChunkRef, REF_BYTES};
 use super::features::{self, FeatureName};
+use super::log::{Locate, Located, RECORD_BYTES};
 use super::section::{self, ENTRY_BYTES, FourCc, SectionEntry, show};
-use super::superblock::{SUPERBLOCK_BYTES, Superblock, glimpse};
+use super::superblock::{FileLayout, SUPERBLOCK_BYTES, Superblock, glimpse};
 use super::table;
-use super::{Octree, VolumeDescriptor};
+use super::{Commit, Octree, VolumeDescriptor};
 use crate::error::{Code, Error, Result};
 use crate::geometry::Extent;
 use crate::limits::{self, HEAD_BYTES, Limits};
@@ -45,15 +46,26 @@ pub struct Head {
     pub feature_names: Vec<FeatureName>,
     /// The first bytes of the file, at most 16 KiB: what lies in them need not be read again.
     pub head_bytes: Vec<u8>,
-    /// Length of the source; shorter than the superblock says only in a salvaged file.
+    /// In a log, the commit that owns the file.
+    pub commit: Option<Commit>,
+    /// In a log, bytes that were read with the commit, and where they lie.
+    pub tail: (u64, Vec<u8>),
+    /// Length of the source; shorter than the superblock says only in a salvaged file;
+    /// longer also in a log that its writer did not finish.
     pub source_len: u64,
 }
 
 impl Head {
-    /// The bytes `offset..offset + len` of the file, if the head holds them all.
+    /// The bytes `offset..offset + len` of the file, if opening has read them all.
     #[must_use]
     pub fn resident(&self, offset: u64, len: u64) -> Option<&[u8]> {
-        slice(&self.head_bytes, 0, offset, len)
+        slice(&self.head_bytes, 0, offset, len).or_else(|| slice(&self.tail.1, self.tail.0, offset, len))
+    }
+
+    /// Bytes behind the last whole commit of a log: what its writer did not finish. 0 in head files.
+    #[must_use]
+    pub fn unfinished(&self) -> u64 {
+        self.commit.map_or(0, |commit| self.source_len.saturating_sub(commit.end))
     }
 
     /// The entry of a section.
@@ -83,7 +95,11 @@ pub struct HeadParser {
     source_len: u64,
     limits: Limits,
     salvage: bool,
+    /// The file's first bytes, then what was asked for behind them.
     pieces: Vec<(u64, Vec<u8>)>,
+    /// The search for a log's last commit, as long as it goes on.
+    locate: Option<Locate>,
+    commit: Option<Commit>,
 }
 
 /// Why parsing stops: an error, or bytes that are not there yet.
@@ -102,7 +118,14 @@ impl HeadParser {
     /// Opens a file of `source_len` bytes.
     #[must_use]
     pub fn new(source_len: u64, limits: &Limits) -> Self {
-        HeadParser { source_len, limits: limits.clone(), salvage: false, pieces: Vec::new() }
+        HeadParser {
+            source_len,
+            limits: limits.clone(),
+            salvage: false,
+            pieces: Vec::new(),
+            locate: None,
+            commit: None,
+        }
     }
 
     /// Opens what is left of a file: a source shorter than the file's length is no error, all else still is.
@@ -112,7 +135,8 @@ impl HeadParser {
     }
 
     /// What is wanted next. The first wish is always for the first 16 KiB (or the whole file, if it is shorter); every
-    /// further one is for a table that lies beyond (spec: VAL-7).
+    /// further one is for a table that lies beyond, or, in a log, for the last 16 KiB, where the last commit lies, unless
+    /// the file was not closed: then the search for it goes on backwards (spec: VAL-7, LOG-9).
     ///
     /// # Errors
     /// The first violation in the order of spec chapter 9.
@@ -126,6 +150,9 @@ impl HeadParser {
             }
             self.pieces.push((0, Vec::new()));
         }
+        if let Some((offset, len)) = self.find_commit()? {
+            return Ok(Step::Need { offset, len });
+        }
         match self.parse() {
             Ok(head) => Ok(Step::Done(Box::new(head))),
             Err(Stop::Need(offset, len)) => Ok(Step::Need { offset, len }),
@@ -138,13 +165,71 @@ impl HeadParser {
         self.pieces.push((offset, bytes));
     }
 
+    /// In a log, goes on with the search for the commit that owns the file, and returns what it wants.
+    fn find_commit(&mut self) -> Result<Option<(u64, usize)>> {
+        if self.commit.is_some() {
+            return Ok(None);
+        }
+        let mut supplied = None;
+        match &self.locate {
+            Some(_) => supplied = (self.pieces.len() > 1).then(|| self.pieces.pop()).flatten().map(|p| p.1),
+            None => {
+                let superblock = Superblock::read_from(self.head()).map_err(|e| self.name_feature(e, 0))?;
+                if superblock.layout == FileLayout::Head {
+                    return Ok(None);
+                }
+                superblock.check_log()?;
+                self.locate = Some(Locate::new(self.source_len, superblock.file_id, &self.limits));
+            }
+        }
+        let Some(locate) = &mut self.locate else { return Ok(None) };
+        match locate.step(self.pieces.first().map_or(&[], |p| &p.1), supplied)? {
+            Located::Need(offset, len) => Ok(Some((offset, len))),
+            Located::Found(commit, at, bytes) => {
+                self.pieces.push((at, bytes));
+                (self.commit, self.locate) = (Some(commit), None);
+                Ok(None)
+            }
+        }
+    }
+
+    /// The superblock that says what is in the file: its first bytes, or, in a log, those of the commit (spec: LOG-8).
+    fn superblock(&self) -> Result<Superblock, Stop> {
+        let Some(commit) = self.commit else {
+            return Ok(Superblock::read_from(self.head()).map_err(|e| self.name_feature(e, 0))?);
+        };
+        let at = self.base();
+        let bytes = self.get(at, SUPERBLOCK_BYTES as u64, "commit")?;
+        let superblock = Superblock::read_from(bytes).map_err(|e| self.name_feature(e, at))?;
+        let first = Superblock::read_from(self.head())?;
+        let bad =
+            |offset, message: &str| Err(Error::at(Code::Commit, at + offset, "commit.superblock", message).into());
+        if superblock.layout != FileLayout::Log || superblock.file_id != first.file_id {
+            return bad(24, "layout or file id is not that of the file");
+        }
+        if superblock.file_len != commit.end || superblock.clustered {
+            return bad(40, "the file length is not where the commit ends, or clustered is set");
+        }
+        Ok(superblock)
+    }
+
+    /// Where that superblock lies.
+    fn base(&self) -> u64 {
+        self.commit.map_or(0, |commit| commit.offset + RECORD_BYTES as u64)
+    }
+
     fn head(&self) -> &[u8] {
         self.pieces.first().map_or(&[], |p| &p.1)
     }
 
+    /// Bytes of the file that were supplied.
+    fn there(&self, offset: u64, len: u64) -> Option<&[u8]> {
+        self.pieces.iter().find_map(|(at, bytes)| slice(bytes, *at, offset, len))
+    }
+
     /// Bytes of the file, or the wish for them: never more than the source has (spec: VAL-8, SAF-1, SAF-4).
     fn get(&self, offset: u64, len: u64, field: &'static str) -> Result<&[u8], Stop> {
-        if let Some(bytes) = self.pieces.iter().find_map(|(at, bytes)| slice(bytes, *at, offset, len)) {
+        if let Some(bytes) = self.there(offset, len) {
             return Ok(bytes);
         }
         let end = offset.checked_add(len).filter(|&end| end <= self.source_len);
@@ -163,11 +248,12 @@ impl HeadParser {
     /// Everything from the start with the bytes that are there, in the order of the spec: restarted after each wish, at
     /// most four times (spec: VAL-1).
     fn parse(&self) -> Result<Head, Stop> {
-        let superblock = Superblock::read_from(self.head()).map_err(|e| self.name_feature(e))?;
+        let superblock = self.superblock()?;
         self.check_file_len(&superblock)?;
         let sections = self.read_table(&superblock)?;
         let find = |fourcc| table::mandatory(&sections, fourcc, superblock.section_table_offset);
         let (vold, pdir) = (find(section::VOLD)?, find(section::PDIR)?);
+        self.check_in_commit(&superblock, &sections)?;
 
         limits::check("section.stored_length", vold.stored_len, self.limits.table_bytes).map_err(|e| at(e, vold))?;
         let bytes = self.get(vold.offset, vold.stored_len, "VOLD")?;
@@ -186,7 +272,7 @@ impl HeadParser {
 
         let named = match sections.iter().find(|s| s.fourcc == section::FNAM) {
             // A name is worth no extra read: beyond the head it is left to the strict validator.
-            Some(s) => match slice(self.head(), 0, s.offset, s.stored_len) {
+            Some(s) => match self.there(s.offset, s.stored_len) {
                 Some(bytes) => {
                     let names = s.check_crc(bytes).and_then(|()| features::read_from(bytes, s.offset));
                     if self.salvage { names.unwrap_or_default() } else { names? }
@@ -205,12 +291,18 @@ impl HeadParser {
             directory,
             directory_lost,
             head_bytes: self.head().to_vec(),
+            commit: self.commit,
+            tail: self.commit.and_then(|_| self.pieces.get(1).cloned()).unwrap_or_default(),
             source_len: self.source_len,
         })
     }
 
     /// The file's length against the source's (spec: HDR-9).
     fn check_file_len(&self, superblock: &Superblock) -> Result<()> {
+        if self.commit.is_some() {
+            // The commit lies inside the source; what follows it is not finished, and no error (spec: LOG-9).
+            return Ok(());
+        }
         let (len, there) = (superblock.file_len, self.source_len);
         if there < len && !self.salvage {
             return Err(Error::at(
@@ -231,6 +323,25 @@ impl HeadParser {
         Ok(())
     }
 
+    /// What a commit says lies in it, so that opening needs no further read (spec: LOG-8).
+    fn check_in_commit(&self, superblock: &Superblock, sections: &[SectionEntry]) -> Result<()> {
+        let Some(commit) = self.commit else { return Ok(()) };
+        let start = commit.offset + (RECORD_BYTES + SUPERBLOCK_BYTES) as u64;
+        if superblock.section_table_offset != start {
+            let at = start - SUPERBLOCK_BYTES as u64 + 80;
+            return Err(Error::at(Code::Commit, at, "commit.section_table_offset", "the table is not in the commit"));
+        }
+        for (i, s) in sections.iter().enumerate() {
+            let own = [section::VOLD, section::PDIR, section::FNAM].contains(&s.fourcc);
+            if if own { s.offset < start } else { s.end() > commit.offset } {
+                let (at, name) = (start + (i * ENTRY_BYTES) as u64 + 8, show(s.fourcc));
+                let message = format!("{name} lies {} its commit", if own { "before" } else { "inside or behind" });
+                return Err(Error::at(Code::Commit, at, "section.offset", message));
+            }
+        }
+        Ok(())
+    }
+
     fn read_directory(&self, pdir: &SectionEntry, octree: &Octree, s: &Superblock) -> Result<Vec<ChunkRef>, Stop> {
         limits::check("section.stored_length", pdir.stored_len, self.limits.table_bytes).map_err(|e| at(e, pdir))?;
         let bytes = self.get(pdir.offset, pdir.stored_len, "PDIR")?;
@@ -240,7 +351,7 @@ impl HeadParser {
     }
 
     fn read_table(&self, superblock: &Superblock) -> Result<Vec<SectionEntry>, Stop> {
-        let len = table::check_place(superblock)?;
+        let len = table::check_place(superblock).map_err(|e| e.shifted(self.base()))?;
         let start = superblock.section_table_offset;
         let bytes = self.get(start, len, "section_table")?;
         Ok(table::read_from(bytes, superblock)?)
@@ -257,28 +368,30 @@ impl HeadParser {
         let (declared, needed) = (superblock.resource_level, d.resource_level());
         if needed > declared {
             let message = format!("the file declares resource level {declared}, but its volume needs {needed}");
-            return Err(Error::at(Code::Limit, 74, "superblock.resource_level", message));
+            return Err(Error::at(Code::Limit, self.base() + 74, "superblock.resource_level", message));
         }
         Ok(())
     }
 
     /// Adds the feature's name to an `E_FEATURE` of a required bit, where `FNAM` can be trusted (spec: HDR-5).
-    fn name_feature(&self, e: Error) -> Error {
+    /// `base` is where the superblock lies.
+    fn name_feature(&self, e: Error, base: u64) -> Error {
+        let e = e.shifted(base);
         if e.code() != Code::Feature || e.field() != "superblock.required" {
             return e;
         }
-        let Some(name) = self.feature_name() else { return e };
-        Error::at(e.code(), 48, "superblock.required", format!("{} (feature {name})", e.message()))
+        let Some(name) = self.feature_name(base) else { return e };
+        Error::at(e.code(), base + 48, "superblock.required", format!("{} (feature {name})", e.message()))
     }
 
-    fn feature_name(&self) -> Option<String> {
-        let g = glimpse(self.head().get(..SUPERBLOCK_BYTES)?)?;
+    fn feature_name(&self, base: u64) -> Option<String> {
+        let g = glimpse(self.there(base, SUPERBLOCK_BYTES as u64)?)?;
         let bit = features::unknown_required(g.required)?;
         let len = u64::from(g.section_count.min(limits::MAX_SECTIONS)) * ENTRY_BYTES as u64;
-        let table = slice(self.head(), 0, g.section_table_offset, len)?;
+        let table = self.there(g.section_table_offset, len)?;
         let mut entries = table.chunks_exact(ENTRY_BYTES).filter_map(|b| SectionEntry::read_from(b, 0).ok());
         let fnam = entries.find(|s| s.fourcc == section::FNAM)?;
-        let bytes = slice(self.head(), 0, fnam.offset, fnam.stored_len)?;
+        let bytes = self.there(fnam.offset, fnam.stored_len)?;
         fnam.check_crc(bytes).ok()?;
         let names = features::read_from(bytes, 0).ok()?;
         names.into_iter().find(|n| n.mask == 0 && u32::from(n.bit) == bit).map(|n| n.name)

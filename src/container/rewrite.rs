@@ -1,12 +1,13 @@
-//! A strictly valid file, taken apart and written again: the same bytes (spec chapters 3 and 9).
+//! A strictly valid file, taken apart and written again: the same bytes, or, of a log, the head file of the same content
+//! (spec chapters 3 and 9).
 
 use super::assemble::content_id;
 use super::directory::write_refs;
-use super::features::KNOWN_READ_OPTIONAL;
+use super::kept::check_editable;
 use super::section::SectionFlags;
 use super::strict::{Read, Strict};
 use super::{BrickSink, FileSummary, FileWriter, FinishOptions, NodeKind};
-use crate::error::{Code, Error, Result};
+use crate::error::Result;
 use crate::geometry::unmorton8;
 use crate::limits::Limits;
 use std::io::{Seek, Write};
@@ -25,13 +26,8 @@ pub fn rewrite<W: Write + Seek>(len: u64, limits: &Limits, read: &mut Read<'_>, 
     if !strict.errors.is_empty() {
         return Err(strict.errors.swap_remove(0));
     }
-    let Strict { head, nodes, others, codebooks, .. } = &strict;
-    let unknown = head.superblock.read_optional & !KNOWN_READ_OPTIONAL;
-    if unknown != 0 {
-        let bit = unknown.trailing_zeros();
-        let message = format!("feature bit {bit} is optional to read only, and this editor does not know it");
-        return Err(Error::at(Code::Feature, 56, "superblock.read_optional", message));
-    }
+    let Strict { head, nodes, others, codebooks, times, .. } = &strict;
+    check_editable(head)?;
     let mut writer = FileWriter::new(out, &head.descriptor)?;
     for brick in strict.bricks() {
         let window = brick.window();
@@ -48,14 +44,16 @@ pub fn rewrite<W: Write + Seek>(len: u64, limits: &Limits, read: &mut Read<'_>, 
             writer.put_constant(tree, level, brick, node)?;
         }
     }
-    // An id that followed from the content follows from the new content; one that was given stays.
+    // An id that followed from the content follows from the new content; one that was given stays. That of a log says
+    // nothing of its content.
     let codebooks = codebooks.as_ref().map(|s| (s.bytes.clone(), s.entry.item_count));
     let books = codebooks.as_ref().map_or(&[][..], |c| &c.0);
     let derived = content_id(&head.descriptor.write_to(), &write_refs(&head.directory), books);
+    let given = head.commit.is_none() && derived != head.superblock.file_id;
     let options = FinishOptions {
         meta: None,
-        times: None,
-        file_id: (derived != head.superblock.file_id).then_some(head.superblock.file_id),
+        times: times.clone(),
+        file_id: given.then_some(head.superblock.file_id),
         optional: head.superblock.optional,
         feature_names: head.feature_names.clone(),
         codebooks,

@@ -28,6 +28,7 @@ pub(super) const BRIK: FourCc = *b"BRIK";
 pub(super) const META: FourCc = *b"META";
 pub(super) const FNAM: FourCc = *b"FNAM";
 pub(super) const CBOK: FourCc = *b"CBOK";
+pub(super) const TIME: FourCc = *b"TIME";
 /// Sections that every file has (spec: SEC-9).
 pub(super) const MANDATORY: [FourCc; 4] = [BRIK, PAGE, PDIR, VOLD];
 

@@ -75,13 +75,31 @@ impl NodeStore {
     /// Joining twice changes nothing.
     pub(super) fn join(&mut self, octree: &Octree, null: SampleValue) {
         let empty = Bounds::of_value(null);
-        for level in 1..octree.levels.len() {
-            #[allow(clippy::cast_possible_truncation, reason = "at most 22 levels")]
-            let level = level as u8;
-            for tree in 0..octree.trees() {
-                self.join_level(octree, tree, level, empty);
+        for tree in self.trees(octree) {
+            for level in 1..octree.levels.len() {
+                #[allow(clippy::cast_possible_truncation, reason = "at most 22 levels")]
+                self.join_level(octree, tree, level as u8, empty);
             }
         }
+        self.pages.retain(|_, page| page.iter().any(|n| !n.is_empty_subtree()));
+    }
+
+    /// The trees that have pages, ascending: found by jumping from one to the next, not by looking at every page.
+    fn trees(&self, octree: &Octree) -> Vec<u32> {
+        let (mut trees, mut next) = (Vec::new(), 0);
+        while let Some((&ordinal, _)) = self.pages.range(next..).next() {
+            let tree = ordinal / octree.pages_per_tree;
+            trees.push(u32::try_from(tree).expect("an ordinal below the page count"));
+            next = (tree + 1) * octree.pages_per_tree;
+        }
+        trees
+    }
+
+    /// A copy of the pages of one tree.
+    pub(super) fn tree(&self, octree: &Octree, tree: u32) -> NodeStore {
+        let first = u64::from(tree) * octree.pages_per_tree;
+        let pages = self.pages.range(first..first + octree.pages_per_tree);
+        NodeStore { pages: pages.map(|(&ordinal, page)| (ordinal, page.clone())).collect() }
     }
 
     fn join_level(&mut self, octree: &Octree, tree: u32, level: u8, empty: Bounds) {
@@ -100,7 +118,6 @@ impl NodeStore {
         for ordinal in here {
             self.join_page(octree, tree, level, ordinal, empty);
         }
-        self.pages.retain(|_, page| page.iter().any(|n| !n.is_empty_subtree()));
     }
 
     fn join_page(&mut self, octree: &Octree, tree: u32, level: u8, ordinal: u64, empty: Bounds) {

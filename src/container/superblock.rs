@@ -30,13 +30,13 @@ pub(super) const MAJOR: u16 = 1;
 const MINOR: u16 = 0;
 const CRC_FIELD: std::ops::Range<usize> = 20..24;
 
-/// How the file is organised. `log` is reserved for streams and refused by this version (spec: HDR-6).
+/// How the file is organised (spec: HDR-6).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum FileLayout {
     /// Tables first, immutable.
     Head = 0,
-    /// A sequence of records and commits.
+    /// A sequence of records and commits, for streams and appending.
     Log = 1,
 }
 
@@ -49,7 +49,7 @@ pub struct Superblock {
     pub minor: u16,
     /// Names this file's content; seeds the CRCs of its leaders.
     pub file_id: [u8; 16],
-    /// Length of the file in bytes.
+    /// Length of the file in bytes; of a log, up to the end of the commit.
     pub file_len: u64,
     /// Features without which the file cannot be read.
     pub required: u64,
@@ -144,6 +144,29 @@ impl Superblock {
         wire.check()
     }
 
+    /// Checks that the superblock of a log says nothing that only a commit can say (spec: LOG-1).
+    ///
+    /// # Errors
+    /// `E_RESERVED`.
+    pub(super) fn check_log(&self) -> Result<()> {
+        for (at, field, value) in [
+            (40, "superblock.file_length", self.file_len),
+            (48, "superblock.required", self.required),
+            (56, "superblock.read_optional", self.read_optional),
+            (64, "superblock.optional", self.optional),
+            (73, "superblock.clustered", u64::from(self.clustered)),
+            (76, "superblock.section_count", u64::from(self.section_count)),
+            (80, "superblock.section_table_offset", self.section_table_offset),
+            (88, "superblock.section_table_crc", u64::from(self.section_table_crc)),
+        ] {
+            if value != 0 {
+                let message = format!("{value} instead of 0: in a log, commits say it");
+                return Err(Error::at(Code::Reserved, at, field, message));
+            }
+        }
+        Ok(())
+    }
+
     /// The bytes of the superblock, its CRC included (spec: HDR-3).
     #[must_use]
     pub fn write_to(&self) -> [u8; SUPERBLOCK_BYTES] {
@@ -189,14 +212,7 @@ impl Wire {
         // spec: HDR-6
         let layout = match self.layout {
             0 => FileLayout::Head,
-            1 => {
-                return Err(Error::at(
-                    Code::Feature,
-                    72,
-                    "superblock.layout",
-                    "the file has the log layout, which this version of the reader does not support; use a newer reader",
-                ));
-            }
+            1 => FileLayout::Log,
             n => return param(72, "superblock.layout", format!("layout {n} is neither 0 (head) nor 1 (log)")),
         };
         // spec: HDR-7

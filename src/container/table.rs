@@ -3,7 +3,8 @@
 use super::descriptor::{CODEC_BYTES, FIXED_BYTES};
 use super::directory::REF_BYTES;
 use super::section::{self, ENTRY_BYTES, FourCc, SectionEntry, SectionFlags, show};
-use super::superblock::{SUPERBLOCK_BYTES, Superblock};
+use super::superblock::{FileLayout, SUPERBLOCK_BYTES, Superblock};
+use super::times;
 use crate::checksum::crc32;
 use crate::error::{Code, Error, Result};
 use crate::limits;
@@ -57,7 +58,7 @@ pub(super) fn read_from(bytes: &[u8], superblock: &Superblock) -> Result<Vec<Sec
     for fourcc in section::MANDATORY {
         mandatory(&sections, fourcc, start)?;
     }
-    check_overlaps(&sections, start, bytes.len() as u64)?;
+    check_overlaps(&sections, superblock, bytes.len() as u64)?;
     Ok(sections)
 }
 
@@ -119,6 +120,7 @@ fn check_known(entry: &SectionEntry, at: u64) -> Result<()> {
     let item_size = match entry.fourcc {
         section::VOLD => CODEC_BYTES,
         section::PDIR => REF_BYTES,
+        section::TIME => times::STEP_BYTES,
         // Codebooks differ in length. Their number is compared with the content by who knows codecs. // spec: ZBT-34
         section::PAGE | section::BRIK | section::META | section::FNAM | section::CBOK => 0,
         _ if critical => {
@@ -148,7 +150,11 @@ fn check_known(entry: &SectionEntry, at: u64) -> Result<()> {
         return bad(Code::Size, 48, "section.item_size", format!("{name}: {} instead of {item_size}", entry.item_size));
     }
     // Counts are compared with the bytes there are before anything is sized by them (spec: SEC-17, VAL-8).
-    let fixed = if entry.fourcc == section::VOLD { FIXED_BYTES as u64 } else { 0 };
+    let fixed = match entry.fourcc {
+        section::VOLD => FIXED_BYTES as u64,
+        section::TIME => times::HEADER_BYTES as u64,
+        _ => 0,
+    };
     let expected = entry.item_count.checked_mul(item_size as u64).and_then(|n| n.checked_add(fixed));
     if item_size != 0 && expected != Some(entry.stored_len) {
         let message = format!("{name}: {} bytes do not hold {} items", entry.stored_len, entry.item_count);
@@ -161,10 +167,15 @@ fn check_known(entry: &SectionEntry, at: u64) -> Result<()> {
     Ok(())
 }
 
-/// Sections overlap neither each other nor superblock and table (spec: SEC-6).
-fn check_overlaps(sections: &[SectionEntry], table: u64, table_len: u64) -> Result<()> {
+/// Sections overlap neither each other nor superblock and table (spec: SEC-6). Pages and bricks of a log lie among all its
+/// records (spec: LOG-7).
+fn check_overlaps(sections: &[SectionEntry], superblock: &Superblock, table_len: u64) -> Result<()> {
+    let table = superblock.section_table_offset;
+    let among =
+        |s: &SectionEntry| superblock.layout == FileLayout::Log && [section::PAGE, section::BRIK].contains(&s.fourcc);
     let mut ranges = vec![(0, SUPERBLOCK_BYTES as u64, None), (table, table + table_len, None)];
-    ranges.extend(sections.iter().filter(|s| s.stored_len > 0).map(|s| (s.offset, s.end(), Some(s))));
+    let apart = sections.iter().filter(|s| s.stored_len > 0 && !among(s));
+    ranges.extend(apart.map(|s| (s.offset, s.end(), Some(s))));
     ranges.sort_by_key(|r| (r.0, r.1));
     for pair in ranges.windows(2) {
         let ((_, end, a), (start, _, b)) = (pair[0], pair[1]);

@@ -93,15 +93,6 @@ impl<W: Write + Seek> FileWriter<W> {
         })
     }
 
-    fn check_node(&self, node: &Node, kind: NodeKind) -> Result<()> {
-        if node.kind != kind {
-            return Err(Error::param("node.kind", format!("{:?} given, {kind:?} wanted", node.kind)));
-        }
-        Node::read_from(&node.write_to(), 0, self.descriptor.sample_type)
-            .map(|_| ())
-            .map_err(|e| Error::new(e.code(), e.field().to_owned(), e.message().to_owned()))
-    }
-
     /// Gives up on a compact file: reserves the head and writes the bricks that were kept.
     fn start_streaming(&mut self) -> Result<()> {
         let Some(buffer) = self.buffer.take() else { return Ok(()) };
@@ -160,14 +151,7 @@ impl<W: Write + Seek> BrickSink for FileWriter<W> {
     }
 
     fn put_stored(&mut self, tree: u32, level: u8, brick: Coord, node: &Node, payload: &[u8]) -> Result<()> {
-        limits::check("brick.payload", payload.len() as u64, limits::MAX_BRICK_BYTES)?;
-        let Some(codec) = self.descriptor.codecs.get(usize::from(node.codec)) else {
-            return Err(Error::new(Code::Ref, "node.codec", format!("entry {} is not in the codec table", node.codec)));
-        };
-        let align_log2 = codec.payload_align_log2(node.flags.contains(NodeFlags::ZSTD));
-        let stored_len = u32::try_from(payload.len()).expect("at most 64 MiB");
-        let mut node = Node { offset: 0, child_mask: 0, stored_len, crc: crc32(payload), ..*node };
-        self.check_node(&node, NodeKind::Stored)?;
+        let (mut node, align_log2) = check_stored(&self.descriptor, node, payload)?;
         if self.stored_bytes + payload.len() as u64 > COMPACT_BYTES {
             self.start_streaming()?;
         }
@@ -186,8 +170,7 @@ impl<W: Write + Seek> BrickSink for FileWriter<W> {
     }
 
     fn put_constant(&mut self, tree: u32, level: u8, brick: Coord, node: &Node) -> Result<()> {
-        let node = Node { child_mask: 0, ..*node };
-        self.check_node(&node, NodeKind::Constant)?;
+        let node = check_constant(&self.descriptor, node)?;
         self.nodes.put(&self.octree, tree, level, brick, node).map(|_| ())
     }
 
@@ -231,8 +214,48 @@ impl<W: Write + Seek> BrickSink for FileWriter<W> {
     }
 }
 
+/// A STORED node as it goes into the index, but for its offset, and the alignment of its payload.
+///
+/// # Errors
+/// `E_LIMIT`, `E_REF`, and those of a node.
+pub(super) fn check_stored(d: &VolumeDescriptor, node: &Node, payload: &[u8]) -> Result<(Node, u8)> {
+    limits::check("brick.payload", payload.len() as u64, limits::MAX_BRICK_BYTES)?;
+    let Some(codec) = d.codecs.get(usize::from(node.codec)) else {
+        return Err(Error::new(Code::Ref, "node.codec", format!("entry {} is not in the codec table", node.codec)));
+    };
+    let stored_len = u32::try_from(payload.len()).expect("at most 64 MiB");
+    let node = Node { offset: 0, child_mask: 0, stored_len, crc: crc32(payload), ..*node };
+    check_node(d, &node, NodeKind::Stored)?;
+    Ok((node, codec.payload_align_log2(node.flags.contains(NodeFlags::ZSTD))))
+}
+
+/// A CONSTANT node as it goes into the index.
+///
+/// # Errors
+/// Those of a node.
+pub(super) fn check_constant(d: &VolumeDescriptor, node: &Node) -> Result<Node> {
+    let node = Node { child_mask: 0, ..*node };
+    check_node(d, &node, NodeKind::Constant)?;
+    Ok(node)
+}
+
+fn check_node(d: &VolumeDescriptor, node: &Node, kind: NodeKind) -> Result<()> {
+    if node.kind != kind {
+        return Err(Error::param("node.kind", format!("{:?} given, {kind:?} wanted", node.kind)));
+    }
+    Node::read_from(&node.write_to(), 0, d.sample_type)
+        .map(|_| ())
+        .map_err(|e| Error::new(e.code(), e.field().to_owned(), e.message().to_owned()))
+}
+
 /// Writes padding from `cursor` on, leader, payload and guard; returns one past the guard (spec: BRK-2 to BRK-4).
-fn write_brick(out: &mut impl Write, cursor: u64, offset: u64, leader: &[u8], payload: &[u8]) -> Result<u64> {
+pub(super) fn write_brick(
+    out: &mut impl Write,
+    cursor: u64,
+    offset: u64,
+    leader: &[u8],
+    payload: &[u8],
+) -> Result<u64> {
     let padding = offset - LEADER_BYTES as u64 - cursor;
     let parts: [&[u8]; 4] = [&[0; 256][..padding as usize], leader, payload, &[0; GUARD_BYTES as usize]];
     for part in parts {

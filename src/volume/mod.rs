@@ -69,6 +69,7 @@ mod salvage;
 mod selection;
 mod shortcut;
 mod slabs;
+mod times;
 mod verify;
 mod voxels;
 mod writer;

@@ -4,7 +4,7 @@ use super::At;
 use super::bricks::Found;
 use super::open::Volume;
 use super::pages::Page;
-use crate::container::{LEADER_BYTES, Leader, Node, NodeKind, find_leaders};
+use crate::container::{LEADER_BYTES, NodeKind, find_leaders};
 use crate::error::{Error, Result};
 use crate::geometry::{Coord, Extent, Region};
 use crate::grid::{Grid, ViewMut, dense_len};
@@ -94,6 +94,11 @@ impl Volume {
 
     fn decode_found(&self, at: At, brick: Coord, page: &Page, wanted: Region, dst: &mut ViewMut<'_>) -> Result<()> {
         let found = Found { page: Some(page), slot: 0 };
+        if found.node().kind == NodeKind::Constant {
+            let value = found.node().constant(self.info().sample_type)?;
+            with_sample!(self.info().sample_type, T => dst.fill::<T>(value.typed()));
+            return Ok(());
+        }
         let (entry, layout) = self.codec_of(found.node(), at.lod, brick)?;
         let payload = self.payload_slow(&found, layout, None)?;
         let origin = self.head.octree.brick_region(at.lod, brick).start;
@@ -121,7 +126,7 @@ impl Volume {
             for (at, leader) in find_leaders(&bytes, offset, &self.head.superblock.file_id) {
                 let wanted = leader.tree == tree && leader.level == lod;
                 if wanted && bricks.contains(leader.brick) {
-                    found.insert(leader.brick, Page::single(node_of(&leader, at)));
+                    found.insert(leader.brick, Page::single(leader.node(at)));
                 }
             }
             if window < SCAN_BYTES {
@@ -130,18 +135,5 @@ impl Volume {
             offset += (SCAN_BYTES - LEADER_BYTES) as u64;
         }
         found
-    }
-}
-
-/// The node that belongs to a leader at file offset `at`; its bounds are lost.
-fn node_of(leader: &Leader, at: u64) -> Node {
-    Node {
-        offset: at + LEADER_BYTES as u64,
-        stored_len: leader.stored_len,
-        crc: leader.crc,
-        kind: NodeKind::Stored,
-        codec: leader.codec,
-        flags: leader.flags,
-        ..Node::EMPTY
     }
 }

@@ -27,7 +27,7 @@ impl Strict {
         let b = &self.head.superblock;
         let options = FinishOptions {
             meta: None,
-            times: None,
+            times: self.times.take(),
             file_id: Some(b.file_id),
             optional: b.optional,
             feature_names: self.head.feature_names.clone(),

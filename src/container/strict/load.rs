@@ -2,9 +2,10 @@
 
 use super::{Read, Strict};
 use crate::container::directory::{self, ChunkRef, PAGE_NODES, PageEntry};
+use crate::container::kept;
 use crate::container::node::NODE_BYTES;
 use crate::container::section::{self, SectionFlags, show};
-use crate::container::{ExtraSection, Head, HeadParser, Node, SectionEntry, Step, check_meta, features};
+use crate::container::{ExtraSection, Head, HeadParser, Node, SectionEntry, Step, check_meta, features, parse_times};
 use crate::error::{Code, Error, Result};
 use crate::geometry::{Coord, unmorton8};
 use crate::limits::{self, Limits};
@@ -51,7 +52,7 @@ impl Strict {
         let flags = s.flags.0 & !if s.fourcc == section::BRIK { SectionFlags::GPU_DIRECT.0 } else { 0 };
         let expected = match s.fourcc {
             section::META => SectionFlags::COPY_SAFE.0,
-            section::FNAM => 0,
+            section::FNAM | section::TIME => 0,
             f if section::is_critical(f) => SectionFlags::CRITICAL.0,
             _ if s.flags.contains(SectionFlags::GPU_DIRECT) => {
                 return Err(Error::at(Code::Canon, at + 6, "section.flags", format!("{name}: GPU_DIRECT is for BRIK")));
@@ -85,7 +86,9 @@ impl Strict {
             let text = self.decode_meta(&s, &bytes)?;
             check_meta(&text, s.offset)?;
         }
-        if s.fourcc == section::FNAM {
+        if s.fourcc == section::TIME {
+            self.times = Some(parse_times(&bytes, s.offset, self.head.descriptor.time_steps)?);
+        } else if s.fourcc == section::FNAM {
             // Opening looks at names in the head only.
             self.head.feature_names = features::read_from(&bytes, s.offset)?;
         } else if s.fourcc == section::CBOK {
@@ -197,10 +200,5 @@ impl Strict {
 
 /// Bytes of the file, from the head where they lie in it.
 pub(super) fn fetch(head: &Head, offset: u64, len: u64, read: &mut Read<'_>) -> Result<Vec<u8>> {
-    if let Some(bytes) = head.resident(offset, len) {
-        return Ok(bytes.to_vec());
-    }
-    let len = usize::try_from(len)
-        .map_err(|_| Error::at(Code::Limit, offset, "file", "the table does not fit this machine's address space"))?;
-    read(offset, len)
+    kept::fetch(head, offset, len, u64::MAX, read)
 }

@@ -20,6 +20,7 @@ use super::store::NodeStore;
 use super::{ExtraSection, Head, SectionEntry};
 use crate::error::{Error, Result};
 use crate::limits::Limits;
+use crate::time::Times;
 use std::collections::BTreeMap;
 
 /// Errors that are kept; a hostile file could have one per brick.
@@ -32,6 +33,8 @@ pub type Read<'a> = dyn FnMut(u64, usize) -> Result<Vec<u8>> + 'a;
 pub struct Strict {
     pub(super) head: Head,
     pub(super) nodes: NodeStore,
+    /// Section `TIME`, if there is one and it is right.
+    pub(super) times: Option<Times>,
     /// Stored bytes of `META` and of sections that this version does not know.
     pub(super) others: Vec<ExtraSection>,
     /// The section `CBOK`, if there is one and it is whole.
@@ -53,6 +56,7 @@ impl Strict {
         let mut strict = Strict {
             head,
             nodes: NodeStore::default(),
+            times: None,
             others: Vec::new(),
             codebooks: None,
             errors: Vec::new(),
