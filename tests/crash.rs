@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 use support::{explicit, noise, open};
-use vug::volume::{self, CopyOptions, EncodeOptions, ZstdPolicy};
+use vug::volume::{self, At, CopyOptions, EncodeOptions, ZstdPolicy};
 use vug::{Code, Extent};
 
 /// Kills per command.
@@ -117,6 +117,50 @@ fn a_killed_repacker_leaves_the_old_file_or_the_new_one() {
     all_or_nothing(3, &["repack", "a.vug", "out.vug", "--no-zstd", "--force"]);
 }
 
+#[test]
+fn a_killed_appender_leaves_the_old_log_or_the_new_one() {
+    let (_guard, dir) = folder();
+    finish(&dir, &["pack", "a.vug", "log.vug", "--log"]);
+    let log = dir.join("log.vug");
+    let (old, raw) = (std::fs::read(&log).unwrap(), std::fs::read(dir.join("a.raw")).unwrap());
+    let args = ["append", "log.vug", "a.raw", "--shape", "256,256,128", "--dtype", "u8"];
+    let whole = finish(&dir, &args);
+    let new = std::fs::read(&log).unwrap();
+    assert!(new.starts_with(&old));
+    let copied = ["append", "log.vug", "a.vug"];
+    let copying = {
+        std::fs::write(&log, &old).unwrap();
+        finish(&dir, &copied)
+    };
+    assert!(std::fs::read(&log).unwrap() == new, "encoded or copied, a step is the same");
+    let mut moments = Moments::new(4);
+    let (mut killed, mut appended, mut torn) = (0, 0, 0);
+    for i in 0..KILLS {
+        std::fs::write(&log, &old).unwrap();
+        let (args, time): (&[&str], _) = if i % 2 == 0 { (&args, whole) } else { (&copied, copying) };
+        killed += u32::from(kill_after(&dir, args, moments.next(time)));
+        let found = std::fs::read(&log).unwrap();
+        assert!(new.starts_with(&found) && found.starts_with(&old), "kill {i}: other bytes");
+        torn += u32::from(found.len() > old.len() && found.len() < new.len());
+        appended += u32::from(found.len() == new.len());
+        let volume = open(found.clone());
+        let steps = volume.info().time_steps;
+        assert_eq!(steps, 1 + u32::from(found.len() == new.len()), "kill {i}");
+        // Every committed brick is there.
+        if i % 10 == 0 {
+            let original = open(old.clone()).read(At::default()).unwrap();
+            for time in 0..steps {
+                assert!(volume.read(At { time, channel: 0, lod: 0 }).unwrap().bytes() == original.bytes());
+            }
+            finish(&dir, &copied);
+            assert_eq!(open(std::fs::read(&log).unwrap()).info().time_steps, steps + 1, "kill {i}: appended to");
+        }
+    }
+    assert_eq!(raw.len(), 256 * 256 * 128);
+    println!("append: {killed} of {KILLS} killed before their end, {appended} appended, {torn} torn");
+    assert_eq!(std::fs::read_dir(&dir).unwrap().count(), 3, "no temporary is left");
+}
+
 /// Takes so many bytes, and few at a time.
 struct Disk {
     file: Cursor<Vec<u8>>,
@@ -194,6 +238,10 @@ fn no_room_leaves_the_old_file_and_no_debris() {
     must_fail(&dir, limit, &["pack", "a.vug", "out.vug", "--force"]);
     must_fail(&dir, limit, &["repack", "a.vug", "out.vug", "--force", "--zstd"]);
     must_fail(&dir, limit, &["extract", "a.vug", "out.vug", "--force", "--levels", "0"]);
+    // A log stays what it was, to the byte.
+    finish(&dir, &["pack", "a.vug", "out.vug", "--log", "--force"]);
+    let blocks = std::fs::metadata(dir.join("out.vug")).unwrap().len() / 512 + 200;
+    must_fail(&dir, &format!("trap '' XFSZ; ulimit -f {blocks};"), &["append", "out.vug", "a.vug"]);
 }
 
 #[test]

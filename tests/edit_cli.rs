@@ -9,6 +9,7 @@ use support::{ball, encode, explicit, open, verify};
 use vug::volume::{At, EncodeOptions};
 use vug::{Extent, Region};
 
+#[derive(Debug)]
 struct Run {
     code: i32,
     out: String,
@@ -87,4 +88,70 @@ fn extract_says_what_it_kept() {
         assert!(r.err.contains("E_RANGE"), "{}", r.err);
     }
     assert_eq!(std::fs::read_dir(dir.path()).unwrap().count(), 2, "nothing is left behind");
+}
+
+/// Raw steps 0 to 3 of 40×30×20 u8, and a log of the first.
+fn series(dir: &Path) -> PathBuf {
+    for k in 0..4u32 {
+        let grid = vug::Grid::from_fn(Extent::new(40, 30, 20), |c| (c[0] * 3 + c[1] * k + c[2]) as u8).unwrap();
+        std::fs::write(dir.join(format!("{k}.raw")), grid.bytes()).unwrap();
+    }
+    let (head, log) = (dir.join("head.vug"), dir.join("log.vug"));
+    let args = ["encode", "--shape", "40,30,20", "--dtype", "u8", "--brick", "16", "--levels", "2"];
+    assert_eq!(run(&args, &[&dir.join("0.raw"), &head]).code, 0);
+    assert_eq!(run(&["pack", "--log"], &[&head, &log]).code, 0);
+    log
+}
+
+#[test]
+fn append_and_pack() {
+    let dir = tempfile::tempdir().unwrap();
+    let d = dir.path();
+    let log = series(d);
+    let raw = ["--shape", "40,30,20", "--dtype", "u8", "--json"];
+    let first = [&["append"], &raw[..]].concat();
+    let found = json(&run(&first, &[&log, &d.join("1.raw"), &d.join("2.raw")]));
+    assert_eq!((&found["time_steps"], found["appended"].as_array().unwrap().len()), (&3.into(), 2));
+    // A .vug file as a step; what a killed writer left behind is cut off.
+    let args = ["encode", "--shape", "40,30,20", "--dtype", "u8", "--brick", "16", "--levels", "2", "--no-zstd"];
+    assert_eq!(run(&args, &[&d.join("3.raw"), &d.join("3.vug")]).code, 0);
+    let mut torn = std::fs::read(&log).unwrap();
+    torn.extend([7; 100]);
+    std::fs::write(&log, torn).unwrap();
+    let r = run(&["append"], &[&log, &d.join("3.vug")]);
+    assert_eq!(r.code, 0, "{}", r.err);
+    assert!(r.out.contains("time step(s) 3 to 3") && r.err.contains("100 bytes behind the last commit"), "{r:?}");
+    let packed = d.join("packed.vug");
+    assert_eq!(run(&["pack", "--clustered"], &[&log, &packed]).code, 0);
+    assert_eq!(run(&["verify"], &[&packed]).code, 0);
+    let volume = open(std::fs::read(&packed).unwrap());
+    assert_eq!(volume.info().time_steps, 4);
+    for (k, one) in [(1u32, "1.vug"), (3, "3.vug")] {
+        let cut = d.join("cut.vug");
+        assert_eq!(run(&["extract", "--force", "--times", &k.to_string()], &[&log, &cut]).code, 0);
+        if k == 3 {
+            let (a, b) = (open(std::fs::read(&cut).unwrap()), open(std::fs::read(d.join(one)).unwrap()));
+            assert_eq!(a.read(At::default()).unwrap().bytes(), b.read(At::default()).unwrap().bytes());
+            assert_eq!(a.read(At::lod(1)).unwrap().bytes(), b.read(At::lod(1)).unwrap().bytes());
+        }
+    }
+}
+
+#[test]
+fn append_refuses_what_does_not_fit() {
+    let dir = tempfile::tempdir().unwrap();
+    let d = dir.path();
+    let log = series(d);
+    let before = std::fs::read(&log).unwrap();
+    let raw = |shape: &str, extra: &[&str]| {
+        run(&[&["append", "--shape", shape, "--dtype", "u8"], extra].concat(), &[&log, &d.join("1.raw")])
+    };
+    let r = raw("30,40,20", &[]);
+    assert!(r.code == 2 && r.err.contains("40×30×20"), "{r:?}");
+    let r = raw("40,30,20", &["--time", "1"]);
+    assert!(r.code == 2 && r.err.contains("no times"), "{r:?}");
+    let r = run(&["append", "--shape", "40,30,20", "--dtype", "u8"], &[&d.join("head.vug"), &d.join("1.raw")]);
+    assert!(r.code == 2 && r.err.contains("pack --log"), "{r:?}");
+    assert_eq!(std::fs::read(&log).unwrap(), before);
+    assert_eq!(std::fs::read_dir(d).unwrap().count(), 6, "no temporary is left");
 }

@@ -99,13 +99,15 @@ pub(in crate::cli) struct Extract {
 
 /// Appends time steps to a log (a .vug file that `vug encode --log` or `vug pack --log` wrote)
 #[derive(Args)]
-#[command(after_help = "Each SOURCE is a volume of the same shape, type and channels: one time step, or several. It is encoded as FILE is.
+#[command(
+    after_help = "Each SOURCE is a volume of the same shape, type and channels: one time step, or several. It is encoded as FILE is.
 What FILE held before stays as it is; a SOURCE is there whole or not at all, whenever the program is stopped.
 
 Examples:
   vug append series.vug step17.nrrd
   vug append series.vug step17.nrrd step18.nrrd --time 34,36
-  vug append series.vug step17.vug               encoded already: its bricks are copied")]
+  vug append series.vug step17.vug               encoded already: its bricks are copied"
+)]
 pub(in crate::cli) struct Append {
     /// Log to append to
     pub(in crate::cli) file: PathBuf,

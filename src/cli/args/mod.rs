@@ -4,7 +4,7 @@ mod edit;
 mod encode;
 mod parse;
 
-pub(in crate::cli) use edit::{Extract, Pack, Repack, Write};
+pub(in crate::cli) use edit::{Append, Extract, Pack, Repack, Write};
 pub(in crate::cli) use encode::{
     CodecArg, Encode, EndpointsArg, NanArg, NormArg, StreamArg, ThresholdArg, TrainingArg, ZerobitArgs,
 };
@@ -45,6 +45,7 @@ pub(in crate::cli) enum Command {
     Verify(Verify),
     Compare(Compare),
     Slice(Slice),
+    Append(Append),
     Extract(Extract),
     Pack(Pack),
     Repack(Repack),
@@ -60,6 +61,7 @@ impl Command {
             Command::Verify(c) => &c.common,
             Command::Compare(c) => &c.common,
             Command::Slice(c) => &c.common,
+            Command::Append(c) => &c.common,
             Command::Extract(c) => &c.common,
             Command::Pack(c) => &c.common,
             Command::Repack(c) => &c.common,

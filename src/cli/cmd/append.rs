@@ -132,7 +132,10 @@ fn new_times(
     } else if let Some(interval) = old.interval() {
         Times::regular(old.unit, last + interval, interval, steps).steps
     } else {
-        let message = format!("the log's steps are not at regular times: say when the new ones were taken, in {}", old.unit.name());
+        let message = format!(
+            "the log's steps are not at regular times: say when the new ones were taken, in {}",
+            old.unit.name()
+        );
         return Err(Error::param("time", message));
     };
     Ok(Some(Times { unit: old.unit, steps: times }))

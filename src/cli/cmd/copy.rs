@@ -16,6 +16,8 @@ pub(super) struct Copy<'a> {
     pub(super) options: CopyOptions,
     pub(super) write: &'a Write,
     pub(super) common: &'a Common,
+    /// Whether a log is written.
+    pub(super) log: bool,
     /// What the bar says.
     pub(super) verb: &'static str,
 }
@@ -29,10 +31,14 @@ pub(super) fn run(copy: &Copy<'_>, notes: impl Fn(&Excerpt<'_>) -> Vec<String>) 
     let text = summary(&excerpt);
     let mut file = AtomicFile::create(copy.target, copy.write.force)?;
     let bar = progress(copy.common.quiet || copy.common.json, copy.verb);
-    let (_, report) = excerpt.write_head(&mut file, &mut |done, total| {
+    let mut advance = |done, total| {
         bar.set_length(total);
         bar.set_position(done);
-    })?;
+    };
+    let report = match copy.log {
+        true => excerpt.write_log(&mut file, &mut advance)?.1,
+        false => excerpt.write_head(&mut file, &mut advance)?.1,
+    };
     file.commit()?;
     bar.finish_and_clear();
     if copy.common.json {

@@ -21,6 +21,7 @@ pub(super) fn run(args: &Extract) -> Result<Verdict> {
         },
         write: &args.write,
         common: &args.common,
+        log: false,
         verb: "extracting",
     };
     copy::run(&copy, |excerpt| notes(args, excerpt))?;

@@ -13,6 +13,7 @@ pub(super) fn run(args: &Pack) -> Result<Verdict> {
         options: CopyOptions { order: order(args.clustered), ..CopyOptions::default() },
         write: &args.write,
         common: &args.common,
+        log: args.log,
         verb: "packing",
     };
     copy::run(&copy, |_| Vec::new())?;

@@ -15,6 +15,7 @@ pub(super) fn run(args: &Repack) -> Result<Verdict> {
         options: CopyOptions { order: order(args.clustered), zstd, ..CopyOptions::default() },
         write: &args.write,
         common: &args.common,
+        log: false,
         verb: "repacking",
     };
     copy::run(&copy, |_| Vec::new())?;

@@ -114,8 +114,7 @@ impl Appender {
         }
         let copier =
             Copier { first_book: plan.first_book, codecs: plan.codecs, ..Copier::new(steps, excerpt.zstd, false) };
-        let Copied { payload_bytes, converted, .. } =
-            copier.run(&items, &mut sink, progress, &mut |_, _| Ok(()))?;
+        let Copied { payload_bytes, converted, .. } = copier.run(&items, &mut sink, progress, &mut |_, _| Ok(()))?;
         let all = plan.descriptor.payload_bytes.saturating_add(payload_bytes);
         let descriptor = VolumeDescriptor { payload_bytes: all, ..plan.descriptor };
         let (_, file) = sink.finish(&descriptor, plan.options)?;

@@ -4,7 +4,7 @@ use super::excerpt::{Excerpt, Item};
 use super::stored::{groups, read_all};
 use super::{CopyReport, ZstdPolicy};
 use crate::codec::Codec;
-use crate::container::{BrickSink, FileWriter, FinishOptions, Node, NodeFlags, NodeKind, VolumeDescriptor};
+use crate::container::{BrickSink, FileWriter, FinishOptions, LogWriter, Node, NodeFlags, NodeKind, VolumeDescriptor};
 use crate::error::{Error, Result};
 use crate::limits;
 use crate::supercompression;
@@ -61,6 +61,16 @@ impl Excerpt<'_> {
     pub fn write_head<W: Write + Seek>(self, out: W, progress: &mut Progress<'_>) -> Result<(W, CopyReport)> {
         let sink = FileWriter::new(out, self.descriptor())?;
         let options = self.finish_options()?;
+        self.copy(sink, options, progress)
+    }
+
+    /// Writes the excerpt as a log, front to back: what is not finished can be read up to its last commit.
+    ///
+    /// # Errors
+    /// As [`Excerpt::copy`].
+    pub fn write_log<W: Write>(self, out: W, progress: &mut Progress<'_>) -> Result<(W, CopyReport)> {
+        let options = self.finish_options()?;
+        let sink = LogWriter::create(out, self.descriptor(), &options)?;
         self.copy(sink, options, progress)
     }
 

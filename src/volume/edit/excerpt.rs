@@ -120,7 +120,11 @@ impl Excerpt<'_> {
     /// # Errors
     /// `E_FEATURE` where an editor must know a feature that this one does not; those of damaged sections.
     pub fn finish_options(&self) -> Result<FinishOptions> {
-        Ok(FinishOptions { file_id: self.file_id, ..self.volume.kept_sections()? })
+        let mut options = FinishOptions { file_id: self.file_id, ..self.volume.kept()? };
+        if let Some(times) = &mut options.times {
+            times.steps = times.steps[self.times.start as usize..self.times.end as usize].to_vec();
+        }
+        Ok(options)
     }
 
     /// Whether nodes lose descendants whose values their bounds include.

@@ -19,11 +19,13 @@
 //! # Ok::<(), vug::Error>(())
 //! ```
 
+mod append;
 mod copy;
 mod excerpt;
-mod sections;
+mod steps;
 mod stored;
 
+pub use append::Appender;
 pub use excerpt::Excerpt;
 
 use crate::container::FileSummary;

@@ -5,8 +5,8 @@ use crate::container::{Achieved, FinishOptions, VolumeDescriptor};
 use crate::error::{Code, Error, Result};
 use crate::limits;
 use crate::time::Times;
-use crate::volume::options::{CodecChoice, EncodeOptions, Quality, ZerobitOptions};
 use crate::volume::Volume;
+use crate::volume::options::{CodecChoice, EncodeOptions, Quality, ZerobitOptions};
 
 /// What the log will say, and how what is copied has to be changed.
 pub(super) struct Plan {
@@ -23,9 +23,9 @@ pub(super) struct Plan {
 /// `E_PARAM` where they do not, `E_LIMIT`, those of damaged sections.
 pub(super) fn fitting(log: &Volume, steps: &Volume, times: Option<Times>) -> Result<Plan> {
     check_same(log.info(), steps.info())?;
-    let mut options = log.kept_sections()?;
-    options.times = joined_times(log.times()?, times)?;
-    let own = steps.kept_sections()?.codebooks;
+    let mut options = log.kept()?;
+    options.times = joined_times(options.times.take(), times)?;
+    let own = steps.kept()?.codebooks;
     let first_book = options.codebooks.as_ref().map_or(0, |c| c.1);
     if let Some((bytes, count)) = own {
         let (mut all, before) = options.codebooks.take().unwrap_or_default();
@@ -90,10 +90,7 @@ fn joined(log: &VolumeDescriptor, steps: &VolumeDescriptor) -> Result<VolumeDesc
     });
     Ok(VolumeDescriptor {
         time_steps,
-        source_range: (
-            log.source_range.0.min(steps.source_range.0),
-            log.source_range.1.max(steps.source_range.1),
-        ),
+        source_range: (log.source_range.0.min(steps.source_range.0), log.source_range.1.max(steps.source_range.1)),
         achieved,
         replaced: log.replaced.saturating_add(steps.replaced),
         ..log.clone()
@@ -126,8 +123,12 @@ fn joined_times(log: Option<Times>, new: Option<Times>) -> Result<Option<Times>>
             let (a, b) = (log.unit.name(), new.unit.name());
             Err(Error::param("times", format!("the file's times are in {a}, those of the new steps in {b}")))
         }
-        (Some(_), None) => Err(Error::param("times", "the file says when its steps were taken: say it of the new ones, too")),
-        (None, Some(_)) => Err(Error::param("times", "the file does not say when its steps were taken: leave times out")),
+        (Some(_), None) => {
+            Err(Error::param("times", "the file says when its steps were taken: say it of the new ones, too"))
+        }
+        (None, Some(_)) => {
+            Err(Error::param("times", "the file does not say when its steps were taken: leave times out"))
+        }
     }
 }
 
@@ -143,7 +144,8 @@ impl Volume {
         let null = d.null_sample();
         let null_value = null.component(0);
         if (1..d.sample_type.components()).any(|c| null.component(c) != null_value) {
-            let message = format!("the null value {null} is not the same in all components: encode the step by other means");
+            let message =
+                format!("the null value {null} is not the same in all components: encode the step by other means");
             return Err(Error::new(Code::Unsupported, "null-value", message));
         }
         let mut options = EncodeOptions {

@@ -1,7 +1,7 @@
 //! Stored bytes of bricks, read in groups, and what can be said of them.
 
 use super::excerpt::Item;
-use crate::container::{Node, NodeFlags, NodeKind};
+use crate::container::{self, FinishOptions, Node, NodeFlags, NodeKind};
 use crate::error::{Code, Error, Result};
 use crate::geometry::{Coord, Region};
 use crate::limits;
@@ -59,6 +59,12 @@ pub(super) fn read_all<'a>(volume: &'a Volume, group: &[Item]) -> Result<Vec<Cow
 }
 
 impl Volume {
+    /// All that the next file is to say as this one does: what [`kept_options`](container::kept_options) says.
+    pub(super) fn kept(&self) -> Result<FinishOptions> {
+        let mut read = |offset, len| self.source.read(offset, len).map(Cow::into_owned);
+        container::kept_options(&self.head, &self.limits, &mut read).map_err(|e| self.replaced_or(e))
+    }
+
     /// Length of a stored payload before zstd, checked against what the codec allows where it is known (spec: BRK-7, BRK-9).
     pub(super) fn payload_len(&self, node: &Node, level: u8, brick: Coord, stored: &[u8]) -> Result<u64> {
         let allowed = match self.codecs.get(node.codec) {
