@@ -201,7 +201,13 @@ fn a_writer_that_fails_fails_the_call_and_short_writes_change_nothing() {
         let excerpt = source.excerpt(&CopyOptions { zstd: ZstdPolicy::Compress, ..CopyOptions::default() }).unwrap();
         excerpt.write_head(out, &mut |_, _| {}).map(|(out, _)| out)
     };
+    let log = |out: Disk| {
+        let excerpt = source.excerpt(&CopyOptions::default()).unwrap();
+        excerpt.write_log(out, &mut |_, _| {}).map(|(out, _)| out.file.into_inner())
+    };
+    let whole_log = log(disk(usize::MAX, usize::MAX)).unwrap();
     for at_a_time in [1, 7, 4097] {
+        assert!(log(disk(usize::MAX, at_a_time)).unwrap() == whole_log);
         let mut short = disk(usize::MAX, at_a_time);
         volume::encode(&mut grid, &mut short, &options, &mut |_, _| {}).unwrap();
         assert!(short.file.into_inner() == whole, "{at_a_time} bytes at a time");
@@ -212,6 +218,7 @@ fn a_writer_that_fails_fails_the_call_and_short_writes_change_nothing() {
         let e = volume::encode(&mut grid, &mut full, &options, &mut |_, _| {}).unwrap_err();
         assert_eq!(e.code(), Code::Source, "{room} bytes: {e}");
         assert_eq!(copy(disk(room, 5000)).err().map(|e| e.code()), Some(Code::Source), "{room} bytes");
+        assert_eq!(log(disk(room, 5000)).err().map(|e| e.code()), Some(Code::Source), "{room} bytes");
     }
 }
 

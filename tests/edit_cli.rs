@@ -118,6 +118,8 @@ fn append_and_pack() {
     let mut torn = std::fs::read(&log).unwrap();
     torn.extend([7; 100]);
     std::fs::write(&log, torn).unwrap();
+    let found = json(&run(&["pack", "--json"], &[&log, &d.join("torn.vug")]));
+    assert!(found["notes"][0].as_str().unwrap().starts_with("100 bytes behind the last commit"), "{found}");
     let r = run(&["append"], &[&log, &d.join("3.vug")]);
     assert_eq!(r.code, 0, "{}", r.err);
     assert!(r.out.contains("time step(s) 3 to 3") && r.err.contains("100 bytes behind the last commit"), "{r:?}");

@@ -179,6 +179,33 @@ fn an_append_that_is_cut_short_is_the_old_log() {
     }
 }
 
+/// Remembers where it was flushed.
+#[derive(Default)]
+struct Flushed {
+    bytes: Vec<u8>,
+    at: Vec<usize>,
+}
+
+impl std::io::Write for Flushed {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        self.bytes.write(bytes)
+    }
+    fn flush(&mut self) -> std::io::Result<()> {
+        self.at.push(self.bytes.len());
+        Ok(())
+    }
+}
+
+#[test]
+fn all_that_a_commit_speaks_of_is_flushed_before_it() {
+    let source = open(encode(&mut step(1), &options(CodecChoice::Zerobit)).0);
+    let excerpt = source.excerpt(&CopyOptions::default()).unwrap();
+    let log = excerpt.write_log(Flushed::default(), &mut |_, _| {}).unwrap().0;
+    let commit = open(log.bytes.clone()).head().commit.unwrap();
+    let last = &log.at[log.at.len() - 2..];
+    assert_eq!(last, [commit.offset as usize, commit.end as usize]);
+}
+
 #[test]
 fn what_does_not_fit_is_refused() {
     let dir = tempfile::tempdir().unwrap();

@@ -26,7 +26,13 @@ pub(super) struct Copy<'a> {
 pub(super) fn run(copy: &Copy<'_>, notes: impl Fn(&Excerpt<'_>) -> Vec<String>) -> Result<()> {
     let volume = open_volume(copy.source)?;
     let excerpt = volume.excerpt(&CopyOptions { file_id: copy.write.file_id, ..copy.options.clone() })?;
-    let notes = notes(&excerpt);
+    let mut notes = notes(&excerpt);
+    let unfinished = volume.head().commit.map_or(0, |c| volume.file_len().saturating_sub(c.end));
+    if unfinished > 0 {
+        notes.push(format!(
+            "{unfinished} bytes behind the last commit, which a writer did not finish, are left out; `vug recover` saves what is whole of them"
+        ));
+    }
     let mut json = describe(&excerpt);
     let text = summary(&excerpt);
     let mut file = AtomicFile::create(copy.target, copy.write.force)?;

@@ -44,6 +44,9 @@ pub(super) struct Copied {
     pub(super) lost: Vec<(Item, Error)>,
 }
 
+/// The stored bytes of each brick of a group, and why there are none.
+type Read<'a> = (Vec<Cow<'a, [u8]>>, Vec<Option<Error>>);
+
 /// A brick that is ready to be written.
 struct Ready<'a> {
     node: Node,
@@ -146,7 +149,7 @@ impl<'a> Copier<'a> {
     }
 
     /// The stored bytes of a group; of what cannot be read nothing, and why.
-    fn read(&self, group: &[Item]) -> Result<(Vec<Cow<'a, [u8]>>, Vec<Option<Error>>)> {
+    fn read(&self, group: &[Item]) -> Result<Read<'a>> {
         match read_all(self.volume, group) {
             Ok(stored) => Ok((stored, group.iter().map(|_| None).collect())),
             Err(e) if !self.tolerant => Err(e),
