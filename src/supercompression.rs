@@ -61,6 +61,15 @@ pub fn inflate(frame: &[u8], lens: RangeInclusive<u64>, offset: u64, field: &'st
     Ok(out)
 }
 
+/// Length of a frame's content, checked as [`inflate`] does, without inflating it.
+///
+/// # Errors
+/// `E_ZSTD`.
+pub fn content_len(frame: &[u8], lens: RangeInclusive<u64>, offset: u64, field: &'static str) -> Result<u64> {
+    check_frame(frame, lens)
+        .map_err(|what| Error::at(Code::Zstd, offset, field, format!("{what}; the payload is not a legal zstd frame")))
+}
+
 /// Checks form and declared size of a frame without inflating it, and returns the size.
 fn check_frame(frame: &[u8], lens: RangeInclusive<u64>) -> std::result::Result<u64, String> {
     let descriptor = match frame {

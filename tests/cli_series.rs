@@ -84,7 +84,10 @@ fn a_series_is_decoded_whole_and_in_part() {
     series(&d.join("a.vug"), 4, 2);
     for target in ["a.nrrd", "a.nhdr", "a.nii.gz", "a.hdr", "a.npy"] {
         let report = json(d, &["decode", "a.vug", target]);
-        assert_eq!((&report["time_steps"], &report["channels"], &report["dims"]), (&json!(4), &json!(2), &json!([40, 33, 20])));
+        assert_eq!(
+            (&report["time_steps"], &report["channels"], &report["dims"]),
+            (&json!(4), &json!(2), &json!([40, 33, 20]))
+        );
         let (all, times, found) = read(&d.join(target));
         assert_eq!(found, (4, 2), "{target}");
         for (i, bytes) in (0..).zip(&all) {
@@ -108,7 +111,8 @@ fn a_series_is_decoded_whole_and_in_part() {
             "e.npy" => {
                 let region = Region { start: [1, 2, 3], end: [40, 33, 20] };
                 let mut part = Grid::zeros(region.extent(), SampleType::U16).unwrap();
-                vug::grid::SlabReader::read_slab(&mut volume(3, 1).view().sub(&region), 0..17, part.bytes_mut()).unwrap();
+                vug::grid::SlabReader::read_slab(&mut volume(3, 1).view().sub(&region), 0..17, part.bytes_mut())
+                    .unwrap();
                 assert!(part.bytes() == all[0]);
             }
             _ => assert!(volume(first / 2, first % 2).bytes() == all[0], "{target}"),
@@ -140,7 +144,10 @@ fn what_cannot_be_is_said_before_anything_is_written() {
         }
         let (found, out, err) = vug(d, args);
         assert!(found == code && err.contains(word), "{args:?}: {found} {out}{err}");
-        assert!(!fs::read_dir(d).unwrap().any(|f| f.unwrap().file_name().to_string_lossy().starts_with('x')), "{args:?}");
+        assert!(
+            !fs::read_dir(d).unwrap().any(|f| f.unwrap().file_name().to_string_lossy().starts_with('x')),
+            "{args:?}"
+        );
     }
     // One volume of a series fits into images.
     json(d, &["decode", "a.vug", "one.tif", "--time", "1", "--channel", "1"]);
@@ -173,7 +180,8 @@ fn slices_show_the_step_that_is_asked_for() {
     series(&d.join("a.vug"), 3, 2);
     json(d, &["decode", "a.vug", "a.nrrd"]);
     let picture = |file: &str, time: &str, channel: &str| {
-        let args = ["slice", file, "-o", "s.png", "--force", "--time", time, "--channel", channel, "--range", "0,65535"];
+        let args =
+            ["slice", file, "-o", "s.png", "--force", "--time", time, "--channel", channel, "--range", "0,65535"];
         json(d, &args);
         fs::read(d.join("s.png")).unwrap()
     };
@@ -280,7 +288,8 @@ fn real_series_through_the_program() {
             }
         }
     }
-    let all = json(d, &["encode", folder.join("fmri4d_u16.nrrd").to_str().unwrap(), "f.vug", "--codec", "raw", "--no-zstd"]);
+    let all =
+        json(d, &["encode", folder.join("fmri4d_u16.nrrd").to_str().unwrap(), "f.vug", "--codec", "raw", "--no-zstd"]);
     let one = 80 * 80 * 35 * 2;
     let step = json(d, &["decode", "f.vug", "step.nii.gz", "--time", "17"]);
     println!("time step 17: {} reads, {} bytes of {}", step["reads"], step["bytes_read"], all["bytes"]);

@@ -28,7 +28,8 @@ fn identical(dir: &Path, a: &str, b: &str) -> bool {
 }
 
 fn save(path: &Path, grid: &Grid) {
-    let info = ExportInfo { placement: &Placement::default(), value_map: ValueMap::default(), times: None, header: None };
+    let info =
+        ExportInfo { placement: &Placement::default(), value_map: ValueMap::default(), times: None, header: None };
     export(path, grid, &info).unwrap();
 }
 

@@ -38,7 +38,8 @@ fn options(t: SampleType) -> ImportOptions {
 fn npyz_and_this_reader_agree() {
     let temp = tempfile::tempdir().unwrap();
     let path = temp.path().join("a.npy");
-    let info = ExportInfo { placement: &Placement::default(), value_map: ValueMap::default(), times: None, header: None };
+    let info =
+        ExportInfo { placement: &Placement::default(), value_map: ValueMap::default(), times: None, header: None };
     for t in SampleType::ALL {
         let grid = grid(t);
         export(&path, &grid, &info).unwrap();

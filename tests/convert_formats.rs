@@ -51,7 +51,12 @@ fn samples_survive_every_format() {
         let grid = grid(t);
         for (ending, _) in ENDINGS {
             let path = temp.path().join(format!("{t}.{ending}"));
-            let info = ExportInfo { placement: &Placement::default(), value_map: ValueMap::default(), times: None, header: None };
+            let info = ExportInfo {
+                placement: &Placement::default(),
+                value_map: ValueMap::default(),
+                times: None,
+                header: None,
+            };
             export(&path, &grid, &info).unwrap();
             let (back, import) = load(&path, &options(t)).unwrap();
             assert!(back.bytes() == grid.bytes() && back.extent() == EXTENT, "{t} {ending}");
@@ -85,8 +90,12 @@ fn placements_survive_where_the_format_can_hold_them() {
     for placement in placements() {
         for (ending, _) in ENDINGS.iter().filter(|(_, places)| *places) {
             let path = temp.path().join(format!("p.{ending}"));
-            export(&path, &grid(SampleType::U8), &ExportInfo { placement: &placement, value_map, times: None, header: None })
-                .unwrap();
+            export(
+                &path,
+                &grid(SampleType::U8),
+                &ExportInfo { placement: &placement, value_map, times: None, header: None },
+            )
+            .unwrap();
             let (_, back) = load(&path, &ImportOptions::default()).unwrap();
             assert_eq!(back.value_map, value_map, "{ending}");
             if ending.starts_with("nr") || ending.starts_with("nh") {
@@ -126,7 +135,8 @@ fn every_f64_survives_nrrd() {
     // What nobody knows stays unknown: in a known space, too.
     for space in Space::ALL {
         let p = Placement { space: *space, ..Placement::default() };
-        export(&path, &grid(SampleType::Rgb8), &ExportInfo { placement: &p, value_map, times: None, header: None }).unwrap();
+        export(&path, &grid(SampleType::Rgb8), &ExportInfo { placement: &p, value_map, times: None, header: None })
+            .unwrap();
         assert_eq!(load(&path, &ImportOptions::default()).unwrap().1.placement, p);
     }
 }
@@ -166,7 +176,8 @@ fn headers_are_kept_and_put_back() {
         let path = temp.path().join(format!("b.{ending}"));
         // Through the text of META, as a file would.
         let header: serde_json::Value = serde_json::from_str(&first.header.to_string()).unwrap();
-        let info = ExportInfo { placement: &first.placement, value_map: first.value_map, times: None, header: Some(&header) };
+        let info =
+            ExportInfo { placement: &first.placement, value_map: first.value_map, times: None, header: Some(&header) };
         export(&path, &grid, &info).unwrap();
         let (_, second) = load(&path, &ImportOptions::default()).unwrap();
         for key in ["comments", "key_values"] {
@@ -179,7 +190,12 @@ fn headers_are_kept_and_put_back() {
     }
     // What a NIfTI header has a place for.
     let nii = temp.path().join("c.nii");
-    let info = ExportInfo { placement: &first.placement, value_map: first.value_map, times: None, header: Some(&first.header) };
+    let info = ExportInfo {
+        placement: &first.placement,
+        value_map: first.value_map,
+        times: None,
+        header: Some(&first.header),
+    };
     export(&nii, &grid, &info).unwrap();
     assert_eq!(load(&nii, &ImportOptions::default()).unwrap().1.header["descrip"], "head: of N.N.");
     // Without the header, nothing of it is left.
@@ -199,7 +215,8 @@ fn a_hostile_header_object_cannot_break_the_file() {
         for (ending, _) in ENDINGS {
             let path = temp.path().join(format!("h.{ending}"));
             let place = Placement::from_spacing([1.0; 3], [0.0; 3]);
-            let info = ExportInfo { placement: &place, value_map: ValueMap::default(), times: None, header: Some(header) };
+            let info =
+                ExportInfo { placement: &place, value_map: ValueMap::default(), times: None, header: Some(header) };
             export(&path, &grid(SampleType::U16), &info).unwrap();
             let (back, _) = load(&path, &options(SampleType::U16)).unwrap();
             assert!(back.bytes() == grid(SampleType::U16).bytes(), "{ending}");

@@ -36,7 +36,8 @@ fn make_seeds() -> Vec<(&'static str, Vec<u8>)> {
     let temp = tempfile::tempdir().unwrap();
     let mut place = Placement::from_spacing([1.0, 2.0, 3.0], [4.0, 5.0, 6.0]);
     place.space = Space::Lps;
-    let info = ExportInfo { placement: &place, value_map: ValueMap { scale: 2.0, offset: 1.0 }, times: None, header: None };
+    let info =
+        ExportInfo { placement: &place, value_map: ValueMap { scale: 2.0, offset: 1.0 }, times: None, header: None };
     let grid = Grid::from_fn(Extent::new(4, 3, 2), |[x, y, z]| (x + 4 * y + 12 * z) as u16).unwrap();
     let mut seeds = Vec::new();
     for ending in ["npy", "nrrd", "nii", "nii.gz"] {

@@ -125,8 +125,12 @@ fn every_volume_is_read_and_survives_every_format() {
         };
         for ending in endings {
             let path = temp.path().join(format!("copy.{ending}"));
-            let info =
-                ExportInfo { placement: &found.placement, value_map: found.value_map, times: None, header: Some(&found.header) };
+            let info = ExportInfo {
+                placement: &found.placement,
+                value_map: found.value_map,
+                times: None,
+                header: Some(&found.header),
+            };
             export(&path, &grid, &info).unwrap();
             let options = ImportOptions {
                 shape: Some(grid.extent()),

@@ -425,7 +425,11 @@ fn nrrd_keeps_the_order_of_its_axes() {
         export_series(&again, &mut *first.reader, &info).unwrap();
         let mut back = import(&again, &ImportOptions::default()).unwrap();
         assert_series(&mut back, steps, channels);
-        assert_eq!((&back.times, &back.placement, &back.header), (&first.times, &first.placement, &first.header), "{order}");
+        assert_eq!(
+            (&back.times, &back.placement, &back.header),
+            (&first.times, &first.placement, &first.header),
+            "{order}"
+        );
         let line = |text: &str, name: &str| text.lines().find(|l| l.starts_with(name)).map(str::to_owned);
         for name in ["sizes", "kinds", "dimension"] {
             assert_eq!(line(&header(&again), name), line(&header(&path), name), "{order}");

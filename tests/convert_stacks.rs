@@ -25,7 +25,8 @@ fn read(path: &Path, options: &ImportOptions) -> vug::Result<Grid> {
 }
 
 fn write(path: &Path, grid: &Grid) -> vug::Result<()> {
-    let info = ExportInfo { placement: &Placement::default(), value_map: ValueMap::default(), times: None, header: None };
+    let info =
+        ExportInfo { placement: &Placement::default(), value_map: ValueMap::default(), times: None, header: None };
     export(path, grid, &info)
 }
 

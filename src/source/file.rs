@@ -19,8 +19,17 @@ impl FileSource {
     /// `E_SOURCE` where it cannot be opened or is a directory.
     pub fn open(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
+        let file = File::open(path).map_err(|e| Error::io(path.display(), e))?;
+        FileSource::from_file(file, path)
+    }
+
+    /// Takes a file that is open for reading, as long as it is now. `path` is what messages call it.
+    ///
+    /// # Errors
+    /// `E_SOURCE` where its length cannot be asked for, or it is a directory.
+    pub fn from_file(file: File, path: impl AsRef<Path>) -> Result<Self> {
+        let path = path.as_ref();
         let fail = |e| Error::io(path.display(), e);
-        let file = File::open(path).map_err(fail)?;
         let meta = file.metadata().map_err(fail)?;
         if meta.is_dir() {
             return Err(Error::new(Code::Source, "path", format!("{} is a directory", path.display())));

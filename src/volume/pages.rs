@@ -190,15 +190,33 @@ impl Pages {
         &self,
         head: &Head,
         source: &Counted,
+        visit: impl FnMut(u64, &Page) -> Result<()>,
+    ) -> Result<()> {
+        self.each_wanted(head, source, |_| true, visit)
+    }
+
+    /// Visits those pages that are present and wanted; reads no other page, nor a chunk without such.
+    pub(super) fn each_wanted(
+        &self,
+        head: &Head,
+        source: &Counted,
+        wanted: impl Fn(u64) -> bool,
         mut visit: impl FnMut(u64, &Page) -> Result<()>,
     ) -> Result<()> {
         for (index, chunk) in head.directory.iter().enumerate() {
+            let first = chunk.ordinal * CHUNK_PAGES;
+            if !(first..first + u64::from(chunk.count)).any(&wanted) {
+                continue;
+            }
             let slots = match self.chunks[index].get() {
                 Some(slots) => slots,
                 None => self.load_chunk(head, source, index)?,
             };
             for (i, slot) in slots.iter().enumerate().filter(|(_, slot)| !slot.entry.is_empty()) {
-                let ordinal = chunk.ordinal * CHUNK_PAGES + i as u64;
+                let ordinal = first + i as u64;
+                if !wanted(ordinal) {
+                    continue;
+                }
                 match slot.page.get() {
                     Some(page) => visit(ordinal, page)?,
                     None => visit(ordinal, self.load_page(head, source, slot, ordinal)?)?,

@@ -1,8 +1,10 @@
 //! The command line, declared.
 
+mod edit;
 mod encode;
 mod parse;
 
+pub(in crate::cli) use edit::{Append, Extract, Pack, Repack, Write};
 pub(in crate::cli) use encode::{
     CodecArg, DownsampleArg, Encode, EndpointsArg, NanArg, NormArg, StreamArg, ThresholdArg, TrainingArg, ZerobitArgs,
 };
@@ -43,6 +45,10 @@ pub(in crate::cli) enum Command {
     Verify(Verify),
     Compare(Compare),
     Slice(Slice),
+    Append(Append),
+    Extract(Extract),
+    Pack(Pack),
+    Repack(Repack),
 }
 
 impl Command {
@@ -55,6 +61,10 @@ impl Command {
             Command::Verify(c) => &c.common,
             Command::Compare(c) => &c.common,
             Command::Slice(c) => &c.common,
+            Command::Append(c) => &c.common,
+            Command::Extract(c) => &c.common,
+            Command::Pack(c) => &c.common,
+            Command::Repack(c) => &c.common,
         }
     }
 }

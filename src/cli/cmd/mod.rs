@@ -1,11 +1,16 @@
 //! One file per subcommand.
 
+mod append;
 mod codec_stats;
 mod compare;
+mod copy;
 mod decode;
 mod demo;
 mod encode;
+mod extract;
 mod info;
+mod pack;
+mod repack;
 mod slice;
 mod verify;
 
@@ -23,5 +28,9 @@ pub(super) fn run(command: Command) -> Result<Verdict> {
         Command::Verify(args) => verify::run(&args),
         Command::Compare(args) => compare::run(&args),
         Command::Slice(args) => slice::run(&args),
+        Command::Append(args) => append::run(&args),
+        Command::Extract(args) => extract::run(&args),
+        Command::Pack(args) => pack::run(&args),
+        Command::Repack(args) => repack::run(&args),
     }
 }

@@ -196,10 +196,16 @@ impl<W: Write> LogWriter<W> {
             let padding = vec![0; (at - self.cursor) as usize];
             let bytes = parts.write_to(at, self.generation);
             self.emit(&padding)?;
+            // Whoever syncs when flushed has all that the commit speaks of on disk before the commit is.
+            self.flush()?;
             self.emit(&bytes)?;
             self.generation += 1;
             self.last = Some(says);
         }
+        self.flush()
+    }
+
+    fn flush(&mut self) -> Result<()> {
         self.broken = true;
         self.out.flush().map_err(|e| Error::io("writing", e))?;
         self.broken = false;

@@ -55,7 +55,8 @@ fn build(source: &dyn SlabReader, info: &ExportInfo<'_>, single: bool) -> Header
     let (ras, _) = geometry::in_ras(info.placement);
     let small = ras.matrix.as_flattened().iter().all(|v| (*v as f32).is_finite())
         && ras.spacing().iter().all(|s| (*s as f32).is_normal());
-    let version = if small && axes.iter().chain([&steps, &channels]).all(|a| i16::try_from(*a).is_ok()) { 1 } else { 2 };
+    let version =
+        if small && axes.iter().chain([&steps, &channels]).all(|a| i16::try_from(*a).is_ok()) { 1 } else { 2 };
     let (datatype, bitpix) = match source.sample_type() {
         SampleType::U8 => (2, 8),
         SampleType::U16 => (512, 16),

@@ -116,7 +116,8 @@ impl SlabReader for Decoded<'_> {
     fn turn_to(&mut self, time: u32, channel: u32) -> Result<()> {
         let (time, channel) = (self.part.times.start + time, self.part.channels.start + channel);
         if !self.part.times.contains(&time) || !self.part.channels.contains(&channel) {
-            let message = format!("time step {time}, channel {channel} of {:?}, {:?}", self.part.times, self.part.channels);
+            let message =
+                format!("time step {time}, channel {channel} of {:?}, {:?}", self.part.times, self.part.channels);
             return Err(Error::new(crate::error::Code::Range, "time", message));
         }
         if (time, channel) != (self.at.time, self.at.channel) {

@@ -1,0 +1,100 @@
+//! What `pack`, `repack` and `extract` share: bricks go from one file to another as they are.
+
+use crate::cli::args::{Common, Write};
+use crate::cli::open::open_volume;
+use crate::cli::output::{bytes_text, progress};
+use crate::error::Result;
+use crate::source::AtomicFile;
+use crate::volume::{CopyOptions, CopyReport, Excerpt};
+use serde_json::{Value, json};
+use std::path::Path;
+
+/// One copy: where from, where to, and what.
+pub(super) struct Copy<'a> {
+    pub(super) source: &'a Path,
+    pub(super) target: &'a Path,
+    pub(super) options: CopyOptions,
+    pub(super) write: &'a Write,
+    pub(super) common: &'a Common,
+    /// Whether a log is written.
+    pub(super) log: bool,
+    /// What the bar says.
+    pub(super) verb: &'static str,
+}
+
+/// Copies, and says what was copied; `notes` has remarks on the excerpt.
+pub(super) fn run(copy: &Copy<'_>, notes: impl Fn(&Excerpt<'_>) -> Vec<String>) -> Result<()> {
+    let volume = open_volume(copy.source)?;
+    let excerpt = volume.excerpt(&CopyOptions { file_id: copy.write.file_id, ..copy.options.clone() })?;
+    let mut notes = notes(&excerpt);
+    let unfinished = volume.head().commit.map_or(0, |c| volume.file_len().saturating_sub(c.end));
+    if unfinished > 0 {
+        notes.push(format!(
+            "{unfinished} bytes behind the last commit, which a writer did not finish, are left out; `vug recover` saves what is whole of them"
+        ));
+    }
+    let mut json = describe(&excerpt);
+    let text = summary(&excerpt);
+    let mut file = AtomicFile::create(copy.target, copy.write.force)?;
+    let bar = progress(copy.common.quiet || copy.common.json, copy.verb);
+    let mut advance = |done, total| {
+        bar.set_length(total);
+        bar.set_position(done);
+    };
+    let report = match copy.log {
+        true => excerpt.write_log(&mut file, &mut advance)?.1,
+        false => excerpt.write_head(&mut file, &mut advance)?.1,
+    };
+    file.commit()?;
+    bar.finish_and_clear();
+    if copy.common.json {
+        add_report(&mut json, &report);
+        json["notes"] = json!(notes);
+        println!("{json:#}");
+    } else if !copy.common.quiet {
+        println!("{} → {}", copy.source.display(), copy.target.display());
+        print!("{text}{}", report_text(&report));
+        notes.iter().for_each(|note| eprintln!("note: {note}"));
+    }
+    Ok(())
+}
+
+fn describe(excerpt: &Excerpt<'_>) -> Value {
+    let d = excerpt.descriptor();
+    let (levels, times, channels) = (excerpt.levels(), excerpt.times(), excerpt.channels());
+    json!({
+        "dims": d.dims.to_array(), "sample_type": d.sample_type.name(), "region": excerpt.region().to_string(),
+        "levels": [levels.start, levels.end], "times": [times.start, times.end], "channels": [channels.start, channels.end],
+    })
+}
+
+fn summary(excerpt: &Excerpt<'_>) -> String {
+    let d = excerpt.descriptor();
+    format!(
+        "volume      {} {} (x, y, z), {} level(s), {} time step(s), {} channel(s)\n",
+        d.dims, d.sample_type, d.lod_count, d.time_steps, d.channels
+    )
+}
+
+pub(super) fn add_report(json: &mut Value, report: &CopyReport) {
+    let file = &report.file;
+    json["bytes"] = json!(file.len);
+    json["bricks"] = json!({ "stored": file.stored, "constant": file.constant, "empty": file.empty });
+    json["stored_bytes"] = json!(file.stored_bytes);
+    json["payload_bytes"] = json!(report.payload_bytes);
+    json["converted"] = json!(report.converted);
+}
+
+pub(super) fn report_text(report: &CopyReport) -> String {
+    let file = &report.file;
+    let (stored, constant, empty) = (file.stored, file.constant, file.empty);
+    let payload = bytes_text(report.payload_bytes);
+    format!(
+        "bricks      {stored} stored, {constant} constant, {empty} empty\n\
+         payloads    {} of {payload} before zstd; {} converted\n\
+         size        {}\n",
+        bytes_text(file.stored_bytes),
+        report.converted,
+        bytes_text(file.len)
+    )
+}
