@@ -67,7 +67,7 @@ pub struct Recovery {
 /// layout with a damaged index. The superblock must be whole; of a head file also section table and volume descriptor, of a
 /// log any commit.
 ///
-/// Reads what the index names once, and where something is missing, the whole file.
+/// Reads what the index names once, and where something is missing, the whole file (spec: LOG-11).
 ///
 /// # Errors
 /// Those of opening, where there is nothing to start from: `E_COMMIT` for a log without a whole commit.
