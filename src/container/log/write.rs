@@ -169,7 +169,7 @@ impl<W: Write> LogWriter<W> {
         Ok(())
     }
 
-    /// Commits all that was put.
+    /// Commits all that was put (spec: LOG-10).
     fn commit(&mut self, descriptor: &VolumeDescriptor, options: &FinishOptions) -> Result<()> {
         self.check_whole()?;
         self.take_descriptor(descriptor)?;
