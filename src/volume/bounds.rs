@@ -38,6 +38,7 @@ impl Volume {
         region.check(self.extent_at(at)?)?;
         let tree = self.tree(at)?;
         let mut all: Option<Bounds> = None;
+        self.load_pages_of(at, tree, &region)?;
         self.each_brick(&region, |brick| {
             let b = self.brick_bounds(&self.find(tree, at.lod, brick)?);
             all = Some(all.map_or(b, |a| a.join(b)));
@@ -53,7 +54,9 @@ impl Volume {
     pub fn bricks_overlapping(&self, at: At, lo: f64, hi: f64) -> Result<Vec<Coord>> {
         let tree = self.tree(at)?;
         let mut bricks = Vec::new();
-        self.each_brick(&Region::whole(self.extent_at(at)?), |brick| {
+        let whole = Region::whole(self.extent_at(at)?);
+        self.load_pages_of(at, tree, &whole)?;
+        self.each_brick(&whole, |brick| {
             let b = self.brick_bounds(&self.find(tree, at.lod, brick)?);
             if f64::from(b.min) <= hi && f64::from(b.max) >= lo {
                 bricks.push(brick);
@@ -102,6 +105,12 @@ impl Volume {
             };
         }
         Ok(regions)
+    }
+
+    /// Reads the pages of all bricks that a box touches, neighbouring ones together.
+    fn load_pages_of(&self, at: At, tree: u32, region: &Region) -> Result<()> {
+        let log2 = self.info().brick_log2;
+        self.load_pages(tree, at.lod, region.start.map(|v| v >> log2), region.end.map(|v| (v - 1) >> log2))
     }
 
     fn each_brick(&self, region: &Region, mut visit: impl FnMut(Coord) -> Result<()>) -> Result<()> {

@@ -14,6 +14,7 @@ use crate::geometry::{Coord, Extent, Region};
 use crate::source::side_by_side;
 use crate::voxel::SampleValue;
 use rayon::prelude::*;
+use std::collections::HashMap;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -59,6 +60,17 @@ struct Run {
     end: u64,
     /// Indices of parts.
     members: Vec<usize>,
+}
+
+impl Run {
+    fn len(&self) -> usize {
+        usize::try_from(self.end - self.start).expect("at most MERGE_MAX or one brick")
+    }
+
+    /// Where the payload of one of its members begins.
+    fn place(&self, part: &Part<'_>) -> usize {
+        usize::try_from(part.found.node().offset - self.start).expect("inside the run")
+    }
 }
 
 impl Volume {
@@ -125,30 +137,13 @@ impl Volume {
         Ok(Part { origin: brick.map(|b| b << self.info().brick_log2), found, content, region })
     }
 
-    /// The ranges to read: of parts whose payload is not there yet and whose node does not forbid to read it.
-    fn runs(&self, parts: &[Part<'_>]) -> Vec<Run> {
+    /// Parts whose payload is not there yet and whose node does not forbid to read it.
+    fn missing(&self, parts: &[Part<'_>]) -> Vec<usize> {
         let is_missing = |part: &Part<'_>| match part.content {
             Content::Stored { layout, .. } => self.wants_read(&part.found, layout),
             Content::Constant(_) => false,
         };
-        let mut missing: Vec<usize> = (0..parts.len()).filter(|&i| is_missing(&parts[i])).collect();
-        missing.sort_by_key(|&i| parts[i].found.node().offset);
-        let mut runs: Vec<Run> = Vec::new();
-        for i in missing {
-            let node = parts[i].found.node();
-            // Offsets are untrusted: here they must only not overflow, the read itself checks them.
-            let (start, end) = (node.offset, node.offset.saturating_add(u64::from(node.stored_len)));
-            match runs.last_mut() {
-                Some(run)
-                    if end <= run.end || start <= run.end.saturating_add(MERGE_GAP) && end - run.start <= MERGE_MAX =>
-                {
-                    run.end = run.end.max(end);
-                    run.members.push(i);
-                }
-                _ => runs.push(Run { start, end, members: vec![i] }),
-            }
-        }
-        runs
+        (0..parts.len()).filter(|&i| is_missing(&parts[i])).collect()
     }
 
     /// Brings the payloads of stored parts, checked and inflated.
@@ -156,22 +151,20 @@ impl Volume {
     /// # Errors
     /// That of the first part in order; those of the source itself at once.
     fn fetch<'a>(&'a self, parts: &mut [Part<'a>], cancelled: &AtomicBool) -> Result<()> {
-        let runs = self.runs(parts);
-        if self.source.connections() > 1 && !runs.is_empty() {
-            self.fetch_far(parts, &runs, cancelled)?;
+        let missing = self.missing(parts);
+        if self.source.connections() > 1 && !missing.is_empty() {
+            self.fetch_far(parts, missing, cancelled)?;
             return self.complete(parts, &[], &[]);
         }
         let mut merged: Vec<Option<(usize, usize)>> = vec![None; parts.len()];
-        let mut buffers = Vec::with_capacity(runs.len());
-        for run in runs {
+        let mut buffers = Vec::new();
+        for run in runs(parts, missing) {
             if run.members.len() == 1 && self.source.as_slice().is_none() {
                 continue; // it is read where it is checked, in parallel
             }
-            let len = usize::try_from(run.end - run.start).expect("at most MERGE_MAX or one brick");
-            buffers.push(self.source.read(run.start, len)?);
-            for i in run.members {
-                let from = usize::try_from(parts[i].found.node().offset - run.start).expect("inside the run");
-                merged[i] = Some((buffers.len() - 1, from));
+            buffers.push(self.source.read(run.start, run.len())?);
+            for &i in &run.members {
+                merged[i] = Some((buffers.len() - 1, run.place(&parts[i])));
             }
         }
         self.complete(parts, &merged, &buffers)
@@ -210,36 +203,33 @@ impl Volume {
 
     /// Brings what nobody else is bringing, several ranges at a time; each is checked and inflated by the thread that
     /// waited for it.
-    fn fetch_far<'a>(&'a self, parts: &mut [Part<'a>], runs: &[Run], cancelled: &AtomicBool) -> Result<()> {
+    fn fetch_far<'a>(&'a self, parts: &mut [Part<'a>], missing: Vec<usize>, cancelled: &AtomicBool) -> Result<()> {
         // Claims are given back before anything waits for those of others: no two threads wait for each other.
-        let jobs: Vec<(u64, u64, Vec<(usize, Claim<'_>)>)> = runs
-            .iter()
-            .filter_map(|run| {
-                let claim = |&i: &usize| match parts[i].content {
-                    Content::Stored { layout, .. } => Some((i, self.claim(&parts[i].found, layout)?)),
-                    Content::Constant(_) => None,
-                };
-                let claims: Vec<_> = run.members.iter().filter_map(claim).collect();
-                let ends = claims.iter().map(|(i, _)| {
-                    let node = parts[*i].found.node();
-                    (node.offset, node.offset + u64::from(node.stored_len))
-                });
-                let (start, end) = ends.reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))?;
-                Some((start, end, claims))
+        let mut claims = HashMap::new();
+        for i in missing {
+            if let Content::Stored { layout, .. } = parts[i].content {
+                claims.extend(self.claim(&parts[i].found, layout).map(|claim| (i, claim)));
+            }
+        }
+        let runs = runs(parts, claims.keys().copied().collect());
+        let jobs: Vec<(Run, Vec<(usize, Claim<'_>)>)> = runs
+            .into_iter()
+            .map(|run| {
+                let claims = run.members.iter().filter_map(|i| claims.remove_entry(i)).collect();
+                (run, claims)
             })
             .collect();
         let brought: Mutex<Vec<(usize, Result<Payload<'a>>)>> = Mutex::default();
         let shared: &[Part<'a>] = parts;
         let width = self.source.connections();
-        side_by_side(width, jobs.into_iter(), |(start, end, claims)| {
+        side_by_side(width, jobs.into_iter(), |(run, claims)| {
             if cancelled.load(Ordering::Relaxed) {
                 return Err(Error::new(Code::Source, "region", "reading ahead was given up"));
             }
-            let bytes =
-                self.source.read(start, usize::try_from(end - start).expect("at most MERGE_MAX or one brick"))?;
+            let bytes = self.source.read(run.start, run.len())?;
             for (i, claim) in claims {
                 let part = &shared[i];
-                let from = usize::try_from(part.found.node().offset - start).expect("inside the run");
+                let from = run.place(part);
                 let stored = &bytes[from..from + part.found.node().stored_len as usize];
                 let payload = self.fulfil(claim, &part.found, stored);
                 brought.lock().unwrap_or_else(std::sync::PoisonError::into_inner).push((i, payload));
@@ -270,4 +260,26 @@ fn copied_bytes(part: &Part<'_>) -> u64 {
         Content::Stored { payload: Some(Payload::Shared(bytes)), .. } => bytes.len() as u64,
         _ => 0,
     }
+}
+
+/// The ranges to read for the payloads of the parts with these indices.
+fn runs(parts: &[Part<'_>], mut missing: Vec<usize>) -> Vec<Run> {
+    // Parts of one place are asked for in their own order, whoever sorts.
+    missing.sort_by_key(|&i| (parts[i].found.node().offset, i));
+    let mut runs: Vec<Run> = Vec::new();
+    for i in missing {
+        let node = parts[i].found.node();
+        // Offsets are untrusted: here they must only not overflow, the read itself checks them.
+        let (start, end) = (node.offset, node.offset.saturating_add(u64::from(node.stored_len)));
+        match runs.last_mut() {
+            Some(run)
+                if end <= run.end || start <= run.end.saturating_add(MERGE_GAP) && end - run.start <= MERGE_MAX =>
+            {
+                run.end = run.end.max(end);
+                run.members.push(i);
+            }
+            _ => runs.push(Run { start, end, members: vec![i] }),
+        }
+    }
+    runs
 }

@@ -24,6 +24,12 @@ pub struct Volume {
     pub(super) limits: Limits,
 }
 
+/// Readers in several threads share a volume; this is where it would not compile any more.
+const _: fn() = || {
+    fn shared_by_threads<T: Send + Sync>() {}
+    shared_by_threads::<Volume>();
+};
+
 impl std::fmt::Debug for Volume {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let d = &self.head.descriptor;
