@@ -30,7 +30,7 @@ fn json(dir: &Path, args: &[&str]) -> Value {
 }
 
 fn volume(time: u32, channel: u32) -> Grid {
-    support::noise(EXTENT, |h| (h >> 20) as u16 + (time * 8 + channel) as u16 * 5000)
+    support::noise(EXTENT, |h| ((h >> 20) + (time * 8 + channel) * 5000) as u16)
 }
 
 /// A file of raw bricks without zstd, so that each takes what its samples take.

@@ -116,6 +116,11 @@ fn is_index(key: &str) -> bool {
     key.strip_prefix("axis ").is_some_and(|k| k.ends_with(" index values") || k.ends_with(" index type"))
 }
 
+/// The shortest text that reads back as the same number.
+fn number(v: f64) -> String {
+    if v.is_nan() { "nan".to_owned() } else { format!("{v:?}") }
+}
+
 /// A header line must stay one.
 fn one_line(text: &str) -> String {
     text.replace(['\n', '\r'], " ")
@@ -217,13 +222,21 @@ impl Place<'_> {
         let spaced = self.plain() && !p.spacing_unknown;
         let regular = self.regular();
         if spaced || regular.is_some() {
-            // Debug prints the shortest text that reads back as the same number.
             let spacing = |a: &Axis| match (a.role, regular) {
-                (Role::Space(i), _) if spaced => format!("{:?}", p.matrix[i][i]),
-                (Role::Time, Some((_, interval))) => format!("{interval:?}"),
-                _ => "nan".to_owned(),
+                (Role::Space(i), _) if spaced => p.matrix[i][i],
+                (Role::Time, Some((_, interval))) => interval,
+                _ => f64::NAN,
             };
-            writeln!(out, "spacings: {}", self.axes.line(spacing))?;
+            let same = |text: &&str| {
+                let known = fields::numbers(text).unwrap_or_default();
+                let all = self.axes.list.iter().map(spacing);
+                known.len() == all.len() && known.iter().zip(all).all(|(a, b)| *a == b || a.is_nan() && b.is_nan())
+            };
+            match self.source.field("spacings").filter(same) {
+                // As it was written down.
+                Some(text) => writeln!(out, "spacings: {}", one_line(text))?,
+                None => writeln!(out, "spacings: {}", self.axes.line(|a| number(spacing(a))))?,
+            }
         }
         if let Some((first, _)) = regular.filter(|(first, _)| *first != 0.0) {
             let min = |a: &Axis| if a.role == Role::Time { format!("{first:?}") } else { "nan".to_owned() };
