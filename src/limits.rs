@@ -32,7 +32,7 @@ pub const BRICK_LOG2: std::ops::RangeInclusive<u8> = 4..=8;
 pub const HEAD_BYTES: u64 = 16 << 10;
 
 /// Bytes at the end of a log that are searched for its last whole commit, where the file was not closed.
-pub const LOG_SEARCH_BYTES: u64 = 1 << 30;
+pub const LOG_SEARCH_BYTES: u64 = 256 << 20;
 
 /// What a reader is willing to spend on one file. The defaults are the caps of the format, but for memory.
 #[derive(Clone, Debug, PartialEq, Eq)]

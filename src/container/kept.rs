@@ -1,7 +1,7 @@
 //! What an editor takes over from a file besides its volume (spec chapters 3 and 11).
 
 use super::features::KNOWN_READ_OPTIONAL;
-use super::section::{self, ExtraSection, SectionFlags};
+use super::section::{self, ExtraSection, SectionEntry, SectionFlags};
 use super::strict::Read;
 use super::{FinishOptions, Head, check_meta, features, parse_times};
 use crate::error::{Code, Error, Result};
@@ -21,32 +21,44 @@ pub fn kept_options(head: &Head, limits: &Limits, read: &mut Read<'_>) -> Result
         feature_names: head.feature_names.clone(),
         ..FinishOptions::default()
     };
-    let own = [section::VOLD, section::PDIR, section::PAGE, section::BRIK];
-    for entry in head.sections.iter().filter(|s| !own.contains(&s.fourcc)) {
-        let known = [section::META, section::TIME, section::CBOK, section::FNAM].contains(&entry.fourcc);
-        // spec: SEC-11
-        if !known && !entry.flags.contains(SectionFlags::COPY_SAFE) {
-            continue;
-        }
-        let bytes = fetch(head, entry.offset, entry.stored_len, limits.table_bytes, read)?;
-        entry.check_crc(&bytes)?;
-        match entry.fourcc {
-            section::META => {
-                let text = if entry.supercompression == 0 {
-                    bytes
-                } else {
-                    supercompression::inflate(&bytes, entry.decoded_len..=entry.decoded_len, entry.offset, "META")?
-                };
-                check_meta(&text, entry.offset)?;
-                options.meta = Some(text);
-            }
-            section::TIME => options.times = Some(parse_times(&bytes, entry.offset, head.descriptor.time_steps)?),
-            section::CBOK => options.codebooks = Some((bytes, entry.item_count)),
-            section::FNAM => options.feature_names = features::read_from(&bytes, entry.offset)?,
-            _ => options.extra.push(ExtraSection { entry: entry.clone(), bytes }),
-        }
+    for entry in &head.sections {
+        keep_section(head, entry, &mut options, limits, read)?;
     }
     Ok(options)
+}
+
+/// Takes over one section, if it is one that an editor takes over.
+pub(super) fn keep_section(
+    head: &Head,
+    entry: &SectionEntry,
+    options: &mut FinishOptions,
+    limits: &Limits,
+    read: &mut Read<'_>,
+) -> Result<()> {
+    let own = [section::VOLD, section::PDIR, section::PAGE, section::BRIK].contains(&entry.fourcc);
+    let known = [section::META, section::TIME, section::CBOK, section::FNAM].contains(&entry.fourcc);
+    // spec: SEC-11
+    if own || (!known && !entry.flags.contains(SectionFlags::COPY_SAFE)) {
+        return Ok(());
+    }
+    let bytes = fetch(head, entry.offset, entry.stored_len, limits.table_bytes, read)?;
+    entry.check_crc(&bytes)?;
+    match entry.fourcc {
+        section::META => {
+            let text = if entry.supercompression == 0 {
+                bytes
+            } else {
+                supercompression::inflate(&bytes, entry.decoded_len..=entry.decoded_len, entry.offset, "META")?
+            };
+            check_meta(&text, entry.offset)?;
+            options.meta = Some(text);
+        }
+        section::TIME => options.times = Some(parse_times(&bytes, entry.offset, head.descriptor.time_steps)?),
+        section::CBOK => options.codebooks = Some((bytes, entry.item_count)),
+        section::FNAM => options.feature_names = features::read_from(&bytes, entry.offset)?,
+        _ => options.extra.push(ExtraSection { entry: entry.clone(), bytes }),
+    }
+    Ok(())
 }
 
 /// Whether this editor knows all that one must know of the file (spec: VER-3).

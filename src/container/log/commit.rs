@@ -9,6 +9,7 @@ use super::super::descriptor::{CODEC_BYTES, VolumeDescriptor};
 use super::super::directory::{ChunkRef, REF_BYTES, write_refs};
 use super::super::features::{self, FeatureName};
 use super::super::section::{self, ENTRY_BYTES, SectionEntry, SectionFlags};
+use super::super::strict::Read;
 use super::super::superblock::{FileLayout, SUPERBLOCK_BYTES, Superblock};
 use super::super::{content, wire};
 use super::record::{RECORD_BYTES, Record, RecordKind};
@@ -149,4 +150,18 @@ pub(in super::super) fn check_commit(bytes: &[u8], commit: &Commit, file_id: &[u
         return bad(record.len, "commit.trailer", "the trailer names another commit".into());
     }
     Ok(())
+}
+
+/// Reads the commit whose leader is `record`, at `at`, and checks it like [`check_commit`].
+///
+/// # Errors
+/// `E_COMMIT`, `E_LIMIT`, and what reading yields.
+pub(in super::super) fn check_commit_at(at: u64, record: &Record, id: &[u8; 16], read: &mut Read<'_>) -> Result<()> {
+    let commit = Commit { generation: record.key, offset: at, end: record.end(at) };
+    let len = usize::try_from(commit.end - at)
+        .map_err(|_| Error::at(Code::Limit, at, "commit", "the commit does not fit this machine's address space"))?;
+    if record.len < (SUPERBLOCK_BYTES + TRAILER_BYTES) as u64 {
+        return Err(Error::at(Code::Commit, at + 16, "commit.length", "a commit is longer"));
+    }
+    check_commit(&read(at, len)?, &commit, id)
 }

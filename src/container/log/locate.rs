@@ -54,6 +54,10 @@ impl Locate {
     /// `E_TRUNCATED` where less was supplied than asked for.
     pub(in super::super) fn step(&mut self, head: &[u8], mut supplied: Option<Vec<u8>>) -> Result<Located> {
         loop {
+            // Nothing that was asked for is thrown away: the limit is looked at before the next wish.
+            if supplied.is_none() && self.spent > LOG_SEARCH_BYTES {
+                return Err(none_found(self.upto, "there is no whole commit in the last part of the file"));
+            }
             if let Some(commit) = self.candidate {
                 let Some((at, bytes)) = self.bytes_of(&commit, head, supplied.take())? else {
                     let len = usize::try_from(commit.end - commit.offset).map_err(|_| too_large(&commit))?;
@@ -80,9 +84,6 @@ impl Locate {
     fn open_window(&mut self, head: &[u8], supplied: Option<Vec<u8>>) -> Result<Option<Located>> {
         if self.upto < FIRST_RECORD + (RECORD_BYTES + TRAILER_BYTES) as u64 {
             return Err(none_found(self.upto, "there is no whole commit in the file"));
-        }
-        if self.spent > LOG_SEARCH_BYTES {
-            return Err(none_found(self.upto, "there is no whole commit in the last part of the file"));
         }
         let size = if self.spent == 0 { HEAD_BYTES } else { WINDOW };
         let start = self.upto.saturating_sub(size).max(FIRST_RECORD);

@@ -12,10 +12,13 @@ mod commit;
 mod locate;
 mod record;
 mod resume;
+mod walk;
 mod write;
 
 pub use commit::Commit;
 pub use write::LogWriter;
 
+pub(super) use commit::{CommitParts, FIRST_RECORD, check_commit_at};
 pub(super) use locate::{Locate, Located};
-pub(super) use record::RECORD_BYTES;
+pub(super) use record::{RECORD_BYTES, Record, RecordKind, section_key};
+pub(super) use walk::{Item, Walk, Walked};

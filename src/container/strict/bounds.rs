@@ -56,7 +56,7 @@ impl Strict {
 
     /// Where a node lies in the file, if its page is stored.
     fn node_offset(&self, ordinal: u64, slot: usize) -> Option<u64> {
-        self.page_offsets.get(&ordinal).map(|offset| offset + (slot * NODE_BYTES) as u64)
+        self.page_entries.get(&ordinal).map(|entry| entry.offset + (slot * NODE_BYTES) as u64)
     }
 }
 

@@ -108,7 +108,7 @@ impl Strict {
         Ok(())
     }
 
-    fn compare_bytes(&self, offset: u64, wanted: &[u8], read: &mut Read<'_>) -> Result<()> {
+    pub(super) fn compare_bytes(&self, offset: u64, wanted: &[u8], read: &mut Read<'_>) -> Result<()> {
         if wanted.is_empty() {
             return Ok(());
         }

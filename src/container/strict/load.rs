@@ -171,7 +171,7 @@ impl Strict {
     }
 
     fn load_page(&mut self, ordinal: u64, entry: &PageEntry, read: &mut Read<'_>) -> Result<()> {
-        self.page_offsets.insert(ordinal, entry.offset);
+        self.page_entries.insert(ordinal, *entry);
         let bytes = fetch(&self.head, entry.offset, entry.byte_len() as u64, read)?;
         let nodes = directory::parse_page(&bytes, entry, ordinal, &self.head)?;
         let canon = |slot: usize, message: &str| {

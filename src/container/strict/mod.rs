@@ -5,19 +5,21 @@
 //! 1. [`Strict::open`] reads head, directory, pages and sections.
 //! 2. For each of [`Strict::bricks`]: read [`StoredBrick::window`], give it to [`Strict::check_brick`], decode the
 //!    payload it returns, and report what it decodes to with [`Strict::set_bounds`] and [`Strict::set_payload_len`] (spec: VAL-12, VAL-13).
-//! 3. [`Strict::finish`] checks bounds and child masks, padding, and that the file is the one canonical encoding.
+//! 3. [`Strict::finish`] checks bounds and child masks, padding, and that the file is the one canonical encoding; of a
+//!    log, all records.
 
 mod bounds;
 mod bricks;
 mod canon;
 mod coverage;
 mod load;
+mod log;
 
 pub use bricks::StoredBrick;
 pub use coverage::Coverage;
 
 use super::store::NodeStore;
-use super::{ExtraSection, Head, SectionEntry};
+use super::{ExtraSection, Head, PageEntry, SectionEntry};
 use crate::error::{Error, Result};
 use crate::limits::Limits;
 use crate::time::Times;
@@ -41,8 +43,9 @@ pub struct Strict {
     pub(super) codebooks: Option<ExtraSection>,
     pub(super) errors: Vec<Error>,
     bricks: Vec<StoredBrick>,
-    /// Where each page lies, for messages.
-    page_offsets: BTreeMap<u64, u64>,
+    /// Where each page lies.
+    page_entries: BTreeMap<u64, PageEntry>,
+    limits: Limits,
     coverage: Coverage,
 }
 
@@ -61,12 +64,14 @@ impl Strict {
             codebooks: None,
             errors: Vec::new(),
             bricks: Vec::new(),
-            page_offsets: BTreeMap::new(),
+            page_entries: BTreeMap::new(),
+            limits: limits.clone(),
             coverage: Coverage::default(),
         };
         strict.load_sections(limits, read);
         strict.load_index(read);
         strict.collect_bricks();
+        strict.check_unfinished();
         Ok(strict)
     }
 
@@ -104,11 +109,17 @@ impl Strict {
     /// Ends the validation, and returns all errors; none: the structure is strictly valid.
     #[must_use]
     pub fn finish(mut self, read: &mut Read<'_>) -> Vec<Error> {
-        self.check_coverage(read);
+        match self.head.commit {
+            Some(commit) => {
+                let limits = self.limits.clone();
+                self.check_records(commit, &limits, read);
+            }
+            None => self.check_coverage(read),
+        }
         self.check_bounds();
         self.check_totals();
         // The comparison with the canonical bytes says little about a file that is wrong already.
-        if self.errors.is_empty() {
+        if self.errors.is_empty() && self.head.commit.is_none() {
             self.check_canonical(read);
         }
         self.errors

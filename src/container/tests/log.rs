@@ -6,18 +6,6 @@ use crate::error::{Code, Error};
 use crate::limits::{HEAD_BYTES, Limits};
 use crate::voxel::SampleValue;
 
-/// One past each commit of a log, by following the chain of prefixes back.
-fn commits(log: &[u8]) -> Vec<Commit> {
-    let mut found = Vec::new();
-    let mut len = log.len();
-    while let Ok(head) = open(&log[..len]) {
-        let commit = head.commit.unwrap();
-        len = commit.offset as usize;
-        found.insert(0, commit);
-    }
-    found
-}
-
 #[test] // spec: LOG-1, LOG-5, LOG-6, LOG-7, LOG-8
 fn the_last_commit_says_what_is_in_a_log() {
     let log = small_log();

@@ -320,3 +320,41 @@ pub(super) fn strictly_refused(bytes: &[u8], code: Code, offset: u64) {
     let errors = strict(bytes);
     assert!(errors.iter().any(|e| told(e) == (code, Some(offset))), "{code} at {offset} expected: {errors:?}");
 }
+
+/// One past each commit of a log, by following the chain of prefixes back.
+pub(super) fn commits(log: &[u8]) -> Vec<Commit> {
+    let mut found = Vec::new();
+    let mut len = log.len();
+    while let Ok(head) = open(&log[..len]) {
+        let commit = head.commit.unwrap();
+        len = commit.offset as usize;
+        found.insert(0, commit);
+    }
+    found
+}
+
+fn seal_seeded(bytes: &mut [u8], at: usize, id: &[u8; 16]) {
+    let crc = crate::checksum::crc32_seeded(id, &bytes[at..at + 28]);
+    set(bytes, at as u64 + 28, &crc.to_le_bytes());
+}
+
+/// Makes the CRCs of a commit right again, of all that lies in it, and of its trailer.
+pub(super) fn reseal_commit(bytes: &mut [u8], commit: &Commit) {
+    let id: [u8; 16] = bytes[24..40].try_into().unwrap();
+    let (at, end) = (commit.offset as usize, commit.end as usize);
+    let superblock = at + 32;
+    let count = int(bytes, superblock + 76, 4).min(64);
+    for entry in (0..count).map(|i| superblock + 256 + i * 64).filter(|entry| entry + 64 <= end) {
+        let (start, len) = (int(bytes, entry + 8, 8), int(bytes, entry + 16, 8));
+        if start >= at && start.checked_add(len).is_some_and(|last| last <= end) && &bytes[entry..entry + 4] != b"PAGE"
+        {
+            seal(bytes, start, len, entry + 36);
+        }
+    }
+    seal(bytes, superblock + 256, count * 64, superblock + 88);
+    set(bytes, superblock as u64 + 20, &[0; 4]);
+    seal(bytes, superblock, 256, superblock + 20);
+    seal_seeded(bytes, end - 32, &id);
+    seal(bytes, at + 32, end - at - 32, at + 24);
+    seal_seeded(bytes, at, &id);
+}
