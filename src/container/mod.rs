@@ -1,8 +1,9 @@
-//! The container: bytes ↔ structures, sans I/O (spec chapters 2 to 6 and 9).
+//! The container: bytes ↔ structures, sans I/O (spec chapters 2 to 6, 9 and 15).
 //!
 //! Nothing here reads or writes a file. [`HeadParser`] says which range it wants next, somebody else delivers it;
-//! [`FileWriter`] takes whatever can be written and sought. Decoding payloads is not the container's business either: it
-//! knows where a brick lies, how long it is and what its bounds are, not what its bytes mean.
+//! [`FileWriter`] takes whatever can be written and sought, [`LogWriter`] whatever can be written. Decoding payloads is not
+//! the container's business either: it knows where a brick lies, how long it is and what its bounds are, not what its bytes
+//! mean.
 //!
 //! | structure | bytes | here |
 //! |---|---|---|

@@ -177,6 +177,25 @@ fn appending_leaves_what_was_there() {
     assert!(e.code() == Code::Param && e.message().contains("vug pack --log"));
 }
 
+#[test] // spec: LOG-10, LOG-9; C-14
+fn appending_to_what_a_stopped_writer_left() {
+    let log = small_log();
+    for len in (commits(&log)[0].end..log.len() as u64).step_by(97) {
+        let torn = &log[..len as usize];
+        let head = open(torn).unwrap();
+        let kept = kept_options(&head, &Limits::default(), &mut reader(torn)).unwrap();
+        let mut d = VolumeDescriptor { time_steps: head.descriptor.time_steps + 1, ..head.descriptor.clone() };
+        // What was not finished is cut off first.
+        let whole = torn[..head.commit.unwrap().end as usize].to_vec();
+        let mut w = LogWriter::resume(whole, &head, &d, &mut reader(torn)).unwrap();
+        let tree = head.descriptor.time_steps;
+        put(&mut w, &mut d, (tree, 2, [0, 0, 0]), 0, NodeFlags::default(), &payload(5, 50));
+        let (longer, _) = w.finish(&d, FinishOptions { times: None, ..kept }).unwrap();
+        assert!(strict(&longer).is_empty(), "{len}: {:?}", strict(&longer));
+        assert_eq!(open(&longer).unwrap().commit.unwrap().generation, head.commit.unwrap().generation + 1);
+    }
+}
+
 /// Takes `room` bytes, then fails.
 struct Full {
     room: usize,
