@@ -81,6 +81,19 @@ fn a_file_that_is_replaced_at_any_moment_is_an_error_and_never_wrong_voxels() {
 }
 
 #[test]
+fn bricks_that_are_fetched_again_are_checked_again() {
+    let [(grid, old), (_, new)] = two_files();
+    let server = Server::of(old.clone());
+    let source = HttpSource::open(&server.url("a.vug"), HttpOptions::default()).unwrap();
+    let volume = Volume::open(source, Limits { cache_bytes: 0, ..Limits::default() }).unwrap();
+    look(&volume, &grid).unwrap();
+    // The same length, tag and date: only the payloads tell, and all of them were right the first time.
+    server.change(|mode| mode.content = Arc::new(new));
+    assert_eq!(volume.read(At::default()).unwrap_err().code(), Code::Replaced);
+    assert_eq!(volume.get::<u8>(At::default(), [200, 20, 20]).unwrap_err().code(), Code::Replaced);
+}
+
+#[test]
 fn damage_on_the_server_is_no_replacement() {
     let [(grid, mut bytes), _] = two_files();
     let at = bytes.len() / 2;
@@ -120,6 +133,30 @@ fn a_failure_that_lasts_is_an_error_of_the_source_and_passes_with_it() {
     assert_eq!(look(&volume, &grid).unwrap_err().code(), Code::Source);
     server.change(|mode| mode.fail.clear());
     look(&volume, &grid).unwrap();
+}
+
+#[test]
+fn regions_of_many_groups_are_the_same_kept_or_not() {
+    let e = Extent::new(320, 320, 330);
+    let mut grid = Grid::from_fn(e, |c| support::hash(c.map(|v| v & !3)).to_le_bytes()[3]).unwrap();
+    for zstd in [false, true] {
+        let options = EncodeOptions { codec: CodecChoice::Raw, zstd, ..EncodeOptions::default() };
+        let file = encode(&mut grid, &options).0;
+        let stored = file.len();
+        let server = Server::of(file);
+        for cache_bytes in [0, 20 << 20, 256 << 20] {
+            let source = HttpSource::open(&server.url("a.vug"), HttpOptions::default()).unwrap();
+            let limits = Limits { cache_bytes, ..Limits::default() };
+            let volume = Volume::open(source, limits).unwrap();
+            server.take();
+            assert!(volume.read(At::default()).unwrap().bytes() == grid.bytes());
+            let bytes = server.cost().1 as usize;
+            assert!(bytes < stored, "each byte at most once: {bytes} of {stored}");
+            assert!(volume.read(At::default()).unwrap().bytes() == grid.bytes());
+            let again = server.cost().0;
+            assert_eq!(again == 0, cache_bytes == 256 << 20, "kept where it leaves room: {again} requests");
+        }
+    }
 }
 
 #[test]

@@ -13,8 +13,8 @@ use crate::supercompression;
 use quick_cache::sync::{Cache, DefaultLifecycle, GuardResult, PlaceholderGuard};
 use quick_cache::{DefaultHashBuilder, Weighter};
 use std::borrow::Cow;
-use std::ops::Deref;
-use std::sync::Arc;
+use std::ops::{Deref, Range};
+use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 /// log2 of the edge of a page, in bricks.
@@ -25,6 +25,8 @@ const PAGE_LOG2: u32 = 3;
 pub(super) enum Payload<'a> {
     Slice(&'a [u8]),
     Shared(Arc<[u8]>),
+    /// A part of what one read brought.
+    Part(Arc<Buffer>, Range<usize>),
 }
 
 impl Deref for Payload<'_> {
@@ -34,7 +36,37 @@ impl Deref for Payload<'_> {
         match self {
             Payload::Slice(bytes) => bytes,
             Payload::Shared(bytes) => bytes,
+            Payload::Part(buffer, range) => &buffer.bytes[range.clone()],
         }
+    }
+}
+
+/// Memory that is used again and again: fresh memory costs as much as the bytes that are received into it.
+#[derive(Clone, Default)]
+pub(super) struct Pool(Arc<Mutex<Vec<Vec<u8>>>>);
+
+impl Pool {
+    /// A buffer of `len` bytes, whatever is in them.
+    pub(super) fn take(&self, len: usize) -> Buffer {
+        let mut bytes = self.lock().pop().unwrap_or_default();
+        bytes.resize(len, 0);
+        Buffer { bytes, pool: self.clone() }
+    }
+
+    fn lock(&self) -> std::sync::MutexGuard<'_, Vec<Vec<u8>>> {
+        self.0.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
+    }
+}
+
+/// Bytes out of a [`Pool`], to which they go back.
+pub(super) struct Buffer {
+    pub(super) bytes: Vec<u8>,
+    pool: Pool,
+}
+
+impl Drop for Buffer {
+    fn drop(&mut self) {
+        self.pool.lock().push(std::mem::take(&mut self.bytes));
     }
 }
 
@@ -161,13 +193,12 @@ impl Volume {
     pub(super) fn wants_read(&self, found: &Found<'_>, layout: usize) -> bool {
         let node = found.node();
         let layout = self.codecs.layout(layout);
-        if node.kind != NodeKind::Stored || self.check_stored(node, layout).is_err() {
-            return false; // `payload_slow` says why
+        let lent = self.is_lent(node);
+        if node.kind != NodeKind::Stored || lent && found.is_checked() {
+            return false;
         }
-        if self.is_lent(node) {
-            return !found.is_checked();
-        }
-        self.bricks.cache.peek(&Key::of(node, layout)).is_none()
+        // Where it must not be read, `payload_slow` says why.
+        self.check_stored(node, layout).is_ok() && (lent || self.bricks.cache.peek(&Key::of(node, layout)).is_none())
     }
 
     /// Whether the payload is used where it lies, so that nothing is kept of it.
@@ -231,6 +262,22 @@ impl Volume {
         Ok(Payload::Shared(shared))
     }
 
+    /// The payload whose stored bytes are a part of `buffer`; not kept.
+    pub(super) fn payload_in(
+        &self,
+        found: &Found<'_>,
+        layout: usize,
+        buffer: &Arc<Buffer>,
+        range: Range<usize>,
+    ) -> Result<Payload<'_>> {
+        let stored = &buffer.bytes[range.clone()];
+        if found.node().flags.contains(NodeFlags::ZSTD) {
+            return Ok(Payload::Shared(self.inflated(found, layout, stored.into())?));
+        }
+        self.check_payload(found, stored)?;
+        Ok(Payload::Part(buffer.clone(), range))
+    }
+
     /// The payload whose stored bytes these are; kept where it is not lent.
     fn payload_of(&self, found: &Found<'_>, layout: usize, bytes: Cow<'_, [u8]>) -> Result<Payload<'_>> {
         let node = found.node();
@@ -262,12 +309,14 @@ impl Volume {
         Ok(supercompression::inflate(&bytes, lens, node.offset, "brick.payload")?.into())
     }
 
-    /// Holds stored bytes against their CRC, once for each brick.
+    /// Holds stored bytes against their CRC: once where they are used where they lie, else whenever they are read. Bytes
+    /// that are read again may be another file's.
     fn check_payload(&self, found: &Found<'_>, bytes: &[u8]) -> Result<()> {
-        if found.is_checked() {
+        let node = found.node();
+        if self.is_lent(node) && found.is_checked() {
             return Ok(());
         }
-        let (node, computed) = (found.node(), crc32(bytes));
+        let computed = crc32(bytes);
         if computed != node.crc {
             return Err(self.replaced_or(Error::at(
                 Code::BrickCrc,

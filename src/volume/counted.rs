@@ -50,6 +50,12 @@ impl Counted {
         Ok(Cow::Owned(out))
     }
 
+    /// As [`Counted::read`], into memory that is there.
+    pub(super) fn read_into(&self, offset: u64, out: &mut [u8]) -> Result<()> {
+        self.count(out.len());
+        self.source.read_at(offset, out)
+    }
+
     /// As [`Counted::read`], for many ranges: side by side where the source is far away.
     pub(super) fn read_many(&self, ranges: &[(u64, usize)]) -> Result<Vec<Cow<'_, [u8]>>> {
         if self.source.as_slice().is_some() || ranges.len() < 2 {

@@ -5,7 +5,7 @@
 //! same ranges and reports the same errors.
 
 use super::At;
-use super::bricks::{Claim, Found, Payload};
+use super::bricks::{Claim, Found, Payload, Pool};
 use super::codecs::Entry;
 use super::open::Volume;
 use crate::container::NodeKind;
@@ -15,8 +15,8 @@ use crate::source::side_by_side;
 use crate::voxel::SampleValue;
 use rayon::prelude::*;
 use std::collections::HashMap;
-use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
 
 /// Ranges closer together than this are read in one go: leader, guard and alignment of neighbouring bricks.
 pub(super) const MERGE_GAP: u64 = 512;
@@ -54,6 +54,24 @@ pub(super) struct Stage<'a> {
     pub(super) error: Option<Error>,
 }
 
+/// How bricks are fetched while others are decoded.
+#[derive(Default)]
+pub(super) struct Ahead {
+    /// Nothing new is asked for once this is set.
+    pub(super) cancelled: AtomicBool,
+    /// Payloads go through this memory and are not kept: what is read would only drive out what is used.
+    pub(super) pool: Option<Pool>,
+}
+
+impl Ahead {
+    fn check(&self) -> Result<()> {
+        if self.cancelled.load(Ordering::Relaxed) {
+            return Err(Error::new(Code::Source, "region", "reading ahead was given up"));
+        }
+        Ok(())
+    }
+}
+
 /// Neighbouring payloads.
 struct Run {
     start: u64,
@@ -79,10 +97,10 @@ impl Volume {
     /// # Errors
     /// Those of the first layers; later ones come in [`Stage::error`].
     pub(super) fn stage(&self, at: At, region: &Region, z: u32) -> Result<Stage<'_>> {
-        let mut stage = self.group(at, region, z, &AtomicBool::new(false))?;
+        let mut stage = self.group(at, region, z, &Ahead::default())?;
         let mut copied = stage.parts.iter().map(copied_bytes).sum::<u64>();
         while stage.end < region.end[2] && copied * 2 <= STAGE_BYTES {
-            match self.group(at, region, stage.end, &AtomicBool::new(false)) {
+            match self.group(at, region, stage.end, &Ahead::default()) {
                 Ok(more) => {
                     copied += more.parts.iter().map(copied_bytes).sum::<u64>();
                     stage.parts.extend(more.parts);
@@ -97,8 +115,8 @@ impl Volume {
         Ok(stage)
     }
 
-    /// Fetches the next group of layers from plane `z` on. Nothing new is asked for once `cancelled` is set.
-    pub(super) fn group(&self, at: At, region: &Region, z: u32, cancelled: &AtomicBool) -> Result<Stage<'_>> {
+    /// Fetches the next group of layers from plane `z` on. `ahead` may end it early.
+    pub(super) fn group(&self, at: At, region: &Region, z: u32, ahead: &Ahead) -> Result<Stage<'_>> {
         let tree = self.tree(at)?;
         let log2 = self.info().brick_log2;
         let [bx, by] = [0, 1].map(|a| [region.start[a] >> log2, (region.end[a] - 1) >> log2]);
@@ -118,7 +136,7 @@ impl Volume {
             }
             end = ((bz + 1) << log2).min(region.end[2]);
         }
-        self.fetch(&mut parts, cancelled)?;
+        self.fetch(&mut parts, ahead)?;
         Ok(Stage { parts, end, error: None })
     }
 
@@ -150,10 +168,13 @@ impl Volume {
     ///
     /// # Errors
     /// That of the first part in order; those of the source itself at once.
-    fn fetch<'a>(&'a self, parts: &mut [Part<'a>], cancelled: &AtomicBool) -> Result<()> {
+    fn fetch<'a>(&'a self, parts: &mut [Part<'a>], ahead: &Ahead) -> Result<()> {
         let missing = self.missing(parts);
         if self.source.connections() > 1 && !missing.is_empty() {
-            self.fetch_far(parts, missing, cancelled)?;
+            match &ahead.pool {
+                Some(pool) => self.fetch_through(parts, missing, pool, ahead)?,
+                None => self.fetch_far(parts, missing, ahead)?,
+            }
             return self.complete(parts, &[], &[]);
         }
         let mut merged: Vec<Option<(usize, usize)>> = vec![None; parts.len()];
@@ -203,7 +224,7 @@ impl Volume {
 
     /// Brings what nobody else is bringing, several ranges at a time; each is checked and inflated by the thread that
     /// waited for it.
-    fn fetch_far<'a>(&'a self, parts: &mut [Part<'a>], missing: Vec<usize>, cancelled: &AtomicBool) -> Result<()> {
+    fn fetch_far<'a>(&'a self, parts: &mut [Part<'a>], missing: Vec<usize>, ahead: &Ahead) -> Result<()> {
         // Claims are given back before anything waits for those of others: no two threads wait for each other.
         let mut claims = HashMap::new();
         for i in missing {
@@ -223,9 +244,7 @@ impl Volume {
         let shared: &[Part<'a>] = parts;
         let width = self.source.connections();
         side_by_side(width, jobs.into_iter(), |(run, claims)| {
-            if cancelled.load(Ordering::Relaxed) {
-                return Err(Error::new(Code::Source, "region", "reading ahead was given up"));
-            }
+            ahead.check()?;
             let bytes = self.source.read(run.start, run.len())?;
             for (i, claim) in claims {
                 let part = &shared[i];
@@ -236,6 +255,40 @@ impl Volume {
             }
             Ok(())
         })?;
+        self.settle(parts, brought)
+    }
+
+    /// As [`Volume::fetch_far`], but nothing is kept, and nobody else is waited for.
+    fn fetch_through<'a>(
+        &'a self,
+        parts: &mut [Part<'a>],
+        missing: Vec<usize>,
+        pool: &Pool,
+        ahead: &Ahead,
+    ) -> Result<()> {
+        let runs = runs(parts, missing);
+        let brought: Mutex<Vec<(usize, Result<Payload<'a>>)>> = Mutex::default();
+        let shared: &[Part<'a>] = parts;
+        side_by_side(self.source.connections(), runs.into_iter(), |run| {
+            ahead.check()?;
+            let mut buffer = pool.take(run.len());
+            self.source.read_into(run.start, &mut buffer.bytes)?;
+            let buffer = Arc::new(buffer);
+            for &i in &run.members {
+                let part = &shared[i];
+                let Content::Stored { layout, .. } = part.content else { continue };
+                let from = run.place(part);
+                let range = from..from + part.found.node().stored_len as usize;
+                let payload = self.payload_in(&part.found, layout, &buffer, range);
+                brought.lock().unwrap_or_else(std::sync::PoisonError::into_inner).push((i, payload));
+            }
+            Ok(())
+        })?;
+        self.settle(parts, brought)
+    }
+
+    /// Gives the parts what was brought.
+    fn settle<'a>(&'a self, parts: &mut [Part<'a>], brought: Mutex<Vec<(usize, Result<Payload<'a>>)>>) -> Result<()> {
         let mut brought = brought.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
         brought.sort_by_key(|(i, _)| *i);
         let mut first = None;

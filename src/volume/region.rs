@@ -1,6 +1,7 @@
 //! Reading boxes: regions, planes, blocks, bricks, whole levels.
 
-use super::fetch::{Content, Part, Stage};
+use super::bricks::Pool;
+use super::fetch::{Ahead, Content, Part, Stage};
 use super::open::Volume;
 use super::{At, Axis};
 use crate::codec::{BrickPart, Codec, Stores, zerobit};
@@ -11,7 +12,7 @@ use crate::grid::{Grid, ViewMut, dense_len};
 use crate::limits;
 use crate::voxel::{SampleType, SampleValue};
 use rayon::prelude::*;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::Ordering;
 use std::sync::mpsc;
 
 /// Bricks that are decoded side by side at most.
@@ -133,19 +134,21 @@ impl Volume {
 
     /// Fetches one group of bricks while the one before it is decoded.
     fn read_ahead(&self, at: At, region: Region, dst: ViewMut<'_>) -> Result<()> {
-        let cancelled = AtomicBool::new(false);
-        let first = self.group(at, &region, region.start[2], &cancelled)?;
+        // What would fill half the cache drives out more than it is likely to be asked for again.
+        let through = dense_len(region.extent(), dst.sample_type)? as u64 > self.limits.cache_bytes / 2;
+        let ahead = Ahead { pool: through.then(Pool::default), ..Ahead::default() };
+        let first = self.group(at, &region, region.start[2], &ahead)?;
         if first.end == region.end[2] {
             return decode_stage(first, dst, &region, region.start[2]).map(|_| ());
         }
         std::thread::scope(|scope| {
             // One group waits at most: memory for three.
             let (send, receive) = mpsc::sync_channel(1);
-            let (cancelled, from) = (&cancelled, first.end);
+            let (ahead, from) = (&ahead, first.end);
             scope.spawn(move || {
                 let mut z = from;
                 while z < region.end[2] {
-                    let stage = self.group(at, &region, z, cancelled);
+                    let stage = self.group(at, &region, z, ahead);
                     z = stage.as_ref().map_or(region.end[2], |stage| stage.end);
                     if send.send(stage).is_err() {
                         return; // nobody wants it any more
@@ -160,7 +163,7 @@ impl Volume {
                 }
                 Ok(())
             };
-            decode().inspect_err(|_| cancelled.store(true, Ordering::Relaxed))
+            decode().inspect_err(|_| ahead.cancelled.store(true, Ordering::Relaxed))
         })
     }
 
