@@ -5,8 +5,9 @@ use proptest::prelude::*;
 use std::path::Path;
 use std::sync::OnceLock;
 use vug::affine::{Placement, Space, ValueMap};
-use vug::convert::{ExportInfo, ImportOptions, export, import};
+use vug::convert::{ExportInfo, ImportOptions, export, export_series, import};
 use vug::error::Code;
+use vug::time::{TimeUnit, Times};
 use vug::{Extent, Grid};
 
 /// Imports and reads everything; what comes out does not matter.
@@ -22,8 +23,17 @@ fn swallow(path: &Path) -> vug::Result<()> {
     let extent = found.reader.extent();
     assert!(extent.voxels() <= 1 << 20, "{extent} of a file of some hundred bytes");
     found.placement.check().unwrap();
+    let (steps, channels) = found.reader.series();
+    assert!(u64::from(steps) * u64::from(channels) * extent.voxels() <= 1 << 20, "{steps} {channels} of {extent}");
+    if let Some(times) = found.times {
+        times.check(steps).unwrap();
+    }
     let mut slab = vec![0; extent.voxels() as usize * found.reader.sample_type().bytes()];
-    found.reader.read_slab(0..extent.z, &mut slab)
+    for volume in 0..steps * channels {
+        found.reader.turn_to(volume / channels, volume % channels)?;
+        found.reader.read_slab(0..extent.z, &mut slab)?;
+    }
+    Ok(())
 }
 
 /// Small valid files of every format.
@@ -58,6 +68,31 @@ fn make_seeds() -> Vec<(&'static str, Vec<u8>)> {
     let path = temp.path().join("b.nii");
     export(&path, &grid, &ExportInfo { placement: &far, ..info }).unwrap();
     seeds.push(("nii", std::fs::read(path).unwrap()));
+    // Series: every order of axes, times by the step and one by one.
+    let series = "NRRD0005\ntype: short\ndimension: 5\nsizes: 2 2 1 3 2\nkinds: vector domain domain time domain\n\
+        spacings: nan 1 1 0.5 1\nunits: \"\" \"mm\" \"mm\" \"ms\" \"mm\"\naxis mins: nan 0 0 1 0\n\
+        centers: ??? cell cell cell cell\nendian: big\nencoding: raw\n\n0123456789abcdef0123456789abcdef0123456789abcdef";
+    seeds.push(("nrrd", series.into()));
+    let slicer = "NRRD0005\ntype: uchar\ndimension: 4\nspace: LPS\nsizes: 3 2 1 1\nkinds: list domain domain domain\n\
+        space directions: none (2,0,0) (0,2,0) (0,0,2)\nlabels: \"time\" \"\" \"\" \"\"\nencoding: raw\n\
+        axis 0 index values:=0 0.5 2.25\nSegmentation_MasterRepresentation:=Binary labelmap\n\nabcxyz";
+    seeds.push(("nrrd", slicer.into()));
+    let times = Times::regular(TimeUnit::Second, 1.0, 0.5, 3);
+    let raw = temp.path().join("series.raw");
+    std::fs::write(&raw, [7; 4 * 3 * 2 * 2 * 3 * 2]).unwrap();
+    let shape = ImportOptions {
+        shape: Some(Extent::new(4, 3, 2)),
+        raw_dtype: "u16".parse().ok(),
+        time_steps: Some(3),
+        channels: Some(2),
+        ..ImportOptions::default()
+    };
+    for ending in ["npy", "nii", "nrrd"] {
+        let path = temp.path().join(format!("c.{ending}"));
+        let info = ExportInfo { times: Some(&times), ..info };
+        export_series(&path, &mut *import(&raw, &shape).unwrap().reader, &info).unwrap();
+        seeds.push((ending, std::fs::read(path).unwrap()));
+    }
     seeds
 }
 
@@ -83,7 +118,7 @@ proptest! {
 
     #[test]
     fn mutated_files_never_panic(
-        seed in 0usize..7,
+        seed in 0usize..12,
         edits in prop::collection::vec((any::<prop::sample::Index>(), any::<u8>(), 0u8..4), 1..6),
     ) {
         let temp = tempfile::tempdir().unwrap();

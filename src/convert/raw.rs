@@ -38,6 +38,11 @@ fn shape(path: &Path, options: &ImportOptions) -> Result<(Stored, Layout)> {
         .ok_or_else(|| missing("dtype", "its type: --dtype u8, u16, i16, f32, rgb8, ..."))?;
     extent.check()?;
     let series = (options.time_steps.unwrap_or(1), options.channels.unwrap_or(1));
+    for (field, count) in [("time-steps", series.0), ("channels", series.1)] {
+        if count == 0 {
+            return Err(Error::param(field, format!("{}: 0 {field}; one is the least", path.display())));
+        }
+    }
     Ok((stored, Layout::series(path, "shape", extent, series, stored.kind)?))
 }
 

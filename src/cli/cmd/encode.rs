@@ -28,6 +28,9 @@ pub(super) fn run(args: &Encode) -> Result<Verdict> {
     let import = import_options(&args.source, &args.import)?;
     let import = ImportOptions { memory: args.memory / 2, temp_dir: args.temp_dir.clone(), ..import };
     let mut source = fetch::import(&args.source, &import)?;
+    if source.spooled > 0 && !args.common.quiet {
+        eprintln!("note: {} of samples wait in a temporary file: memory has no room", bytes_text(source.spooled));
+    }
     let mut options = options(args);
     if args.codec.is_none() && !is_zerobit(args) && source.reader.sample_type() == SampleType::Rgb8 {
         options.codec = CodecChoice::Auto; // s3dc is for scalars

@@ -227,10 +227,15 @@ impl Place<'_> {
                 (Role::Time, Some((_, interval))) => interval,
                 _ => f64::NAN,
             };
+            // Between channels there is no distance: whatever was written there has no meaning.
+            let equal = |a: f64, axis: &Axis| {
+                let b = spacing(axis);
+                a == b || a.is_nan() && b.is_nan() || matches!(axis.role, Role::Channel | Role::Nothing)
+            };
             let same = |text: &&str| {
                 let known = fields::numbers(text).unwrap_or_default();
-                let all = self.axes.list.iter().map(spacing);
-                known.len() == all.len() && known.iter().zip(all).all(|(a, b)| *a == b || a.is_nan() && b.is_nan())
+                known.len() == self.axes.list.len()
+                    && known.iter().zip(&self.axes.list).all(|(n, axis)| equal(*n, axis))
             };
             match self.source.field("spacings").filter(same) {
                 // As it was written down.
