@@ -271,7 +271,9 @@ fn a_series_comes_through_a_pipe() {
         (&["--max-error", "900", "--codec", "s3dc", "--levels", "auto"], 900.0),
     ] {
         let mut command = Command::cargo_bin("vug").unwrap();
-        command.current_dir(d).args(["encode", "-", "a.vug", "--shape", "40,33,20", "--dtype", "u16", "--force"]);
+        command
+            .current_dir(d)
+            .args(["encode", "-", "a.vug", "--shape", "40,33,20", "--dtype", "u16", "--brick", "16", "--force"]);
         let output =
             command.args(["--time-steps", "3", "--channels", "2"]).args(args).write_stdin(&*bytes).output().unwrap();
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
