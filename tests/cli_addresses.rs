@@ -2,7 +2,6 @@
 #![cfg(all(feature = "cli", feature = "http"))]
 
 #[path = "support/server.rs"]
-#[allow(dead_code, reason = "every test binary uses its own part")]
 mod server;
 mod support;
 

@@ -260,6 +260,39 @@ fn samples_come_through_a_pipe() {
     assert!(read(&d.join("b.npy")).0[0].as_chunks::<2>().0.iter().all(|v| i16::from_ne_bytes(*v) == -1));
 }
 
+#[test] // also where the samples are wanted twice, for a bound
+fn a_series_comes_through_a_pipe() {
+    let temp = tempfile::tempdir().unwrap();
+    let d = temp.path();
+    let all: Vec<Grid> = (0..6).map(|i| volume(i / 2, i % 2)).collect();
+    let bytes: Vec<u8> = all.iter().flat_map(|g| g.bytes().to_vec()).collect();
+    for (args, bound) in [
+        (&["--codec", "raw", "--levels", "2"][..], 0.0),
+        (&["--max-error", "900", "--codec", "s3dc", "--levels", "auto"], 900.0),
+    ] {
+        let mut command = Command::cargo_bin("vug").unwrap();
+        command
+            .current_dir(d)
+            .args(["encode", "-", "a.vug", "--shape", "40,33,20", "--dtype", "u16", "--brick", "16", "--force"]);
+        let output =
+            command.args(["--time-steps", "3", "--channels", "2"]).args(args).write_stdin(&*bytes).output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        assert_eq!(vug(d, &["verify", "a.vug"]).0, 0);
+        json(d, &["decode", "a.vug", "a.npy", "--force"]);
+        let (found, _, series) = read(&d.join("a.npy"));
+        assert_eq!(series, (3, 2));
+        for (found, wanted) in found.iter().zip(&all) {
+            let samples = found.as_chunks::<2>().0.iter().map(|v| u16::from_ne_bytes(*v));
+            let worst = samples.zip(wanted.samples::<u16>()).map(|(a, b)| a.abs_diff(*b)).max().unwrap();
+            assert!(f64::from(worst) <= bound, "{args:?} {worst}");
+        }
+        // A coarser level of some of it.
+        let report = json(d, &["decode", "a.vug", "half.nrrd", "--level", "1", "--time", "1:3", "--force"]);
+        assert_eq!((&report["dims"], &report["time_steps"]), (&json!([20, 17, 10]), &json!(2)));
+        assert_eq!(read(&d.join("half.nrrd")).2, (2, 2));
+    }
+}
+
 #[test] // in and out, exact with raw, bounded with S3Dc
 fn real_series_through_the_program() {
     let Some(folder) = support::data() else { return };

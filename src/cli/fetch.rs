@@ -1,8 +1,8 @@
 //! Foreign volumes at an address: copied to a temporary file, since their formats are read from files.
 
 use super::open::open_source;
-use crate::convert::{self, Import, ImportOptions};
-use crate::error::{Error, Result};
+use crate::convert::{self, Format, Import, ImportOptions};
+use crate::error::{Code, Error, Result};
 use crate::geometry::Extent;
 use crate::grid::{SlabReader, View};
 use crate::source::ByteSource;
@@ -31,12 +31,21 @@ pub(super) fn name_in_url(path: &Path) -> Option<&Path> {
 /// Those of [`convert::import`] and of the transport; `E_UNSUPPORTED` for a format of several files.
 pub(super) fn import(path: &Path, options: &ImportOptions) -> Result<Import> {
     let Some(name) = name_in_url(path) else { return convert::import(path, options) };
+    // Before anything is fetched. A name without an ending could be that of a folder here.
+    if name.extension().is_none() || Format::of_path(name).is_none() {
+        let message = format!(
+            "{}: the address's last name has none of the endings that are understood: {}",
+            name.display(),
+            Format::ENDINGS
+        );
+        return Err(Error::new(Code::Unsupported, "format", message));
+    }
     let lower = name.to_string_lossy().to_ascii_lowercase();
     let part = [".nhdr", ".hdr", ".hdr.gz", ".img", ".img.gz"].into_iter().find(|e| lower.ends_with(e));
     if let Some(ending) = part {
         let message =
             format!("{}: the format of {ending} has a second file; fetch both, or use .nrrd or .nii", name.display());
-        return Err(Error::new(crate::error::Code::Unsupported, "format", message));
+        return Err(Error::new(Code::Unsupported, "format", message));
     }
     let (folder, file) = copy(&*open_source(path)?, name, options.temp_dir.as_deref())?;
     let mut import = convert::import(&file, options)?;
@@ -130,7 +139,15 @@ mod tests {
         assert!(!path.exists());
         let nowhere = copy(&MemorySource(bytes), Path::new("a.raw"), Some(Path::new("/no/such/folder")));
         assert!(nowhere.err().unwrap().message().contains("/no/such/folder"));
-        let e = import(Path::new("http://host/a.nhdr"), &ImportOptions::default()).err().unwrap();
-        assert!(e.message().contains("second file"), "{e}");
+        for (url, word) in [
+            ("http://host/a.nhdr", "second file"),
+            ("http://host/", "endings"),
+            ("http://host/..", "endings"),
+            ("http://host/src", "endings"),
+            ("http://host/a.txt", ".nrrd"),
+        ] {
+            let e = import(Path::new(url), &ImportOptions::default()).err().unwrap();
+            assert!(e.code() == Code::Unsupported && e.message().contains(word), "{url}: {e}");
+        }
     }
 }

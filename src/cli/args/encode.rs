@@ -47,15 +47,19 @@ pub(in crate::cli) enum NanArg {
     Null,
 }
 
-/// Turns a volume (raw, npy, NRRD, NIfTI, a folder of slices) into a .vug file
+/// Turns a volume or a series of them (raw, npy, NRRD, NIfTI, a folder of slices or of volumes, a pipe) into a .vug file
 #[derive(Args)]
 #[command(
     after_help = "Quality: give --index-bits and/or --block (s3dc), or --keep (zerobit), or exactly one of --max-error, --psnr, --rate.
 Without any: s3dc, 4 bits, blocks of 4×4×4, bricks of 64³, minmax; rgb8: raw. With a bound and no --codec: auto.
 Explicit settings read raw and npy sources and stacks slab by slab, once; bounds read them twice, auto once more; zerobit three
-times, and twice more for every ratio that a bound makes it try. NRRD and NIfTI that are compressed are held in memory.
+times, and twice more for every ratio that a bound makes it try. NRRD and NIfTI that are compressed are unpacked to memory,
+or to a temporary file where they take more than half of --memory.
 A folder is a stack of PNG, TIFF or JPEG slices of one size and type, in natural order (2 before
 10): 8- or 16-bit grey or 8-bit colour; TIFF also 32-bit and float grey, and pages as slices.
+Or it holds volumes of one shape and type, which are the time steps of a series; so does a name with #### for the number of
+the step. 4D and 5D files (NRRD, NIfTI, npy as time, channel, z, y, x) are series, too, and so are raw files with --time-steps
+or --channels. - is the standard input, of raw samples, as any pipe.
 
 Examples:
   vug encode head.nrrd head.vug
@@ -66,12 +70,15 @@ Examples:
   vug encode colour.nrrd colour.vug --keep 3%         zerobit: the largest 3 % of the wavelet coefficients
   vug encode colour.nrrd colour.vug --codec zerobit --psnr 30
   vug encode slices/ stack.vug --codec raw            slices/*.png, *.tif or *.jpg
+  vug encode fmri.nii.gz fmri.vug --codec raw         all time steps, and their times
+  vug encode step_####.nrrd flow.vug --psnr 50
+  produce | vug encode - out.vug --shape 512,512,512 --dtype u16
   vug encode big.raw big.vug --shape 8192,8192,4096 --dtype u8 --levels auto --memory 2G
   vug encode segmentation.nrrd labels.vug --labels --levels auto
   vug encode head.nrrd head.vug --no-zstd             to be mapped, or handed to the GPU as it is"
 )]
 pub(in crate::cli) struct Encode {
-    /// Volume to read: .nrrd .nhdr .nii .nii.gz .hdr .npy .raw .tif, or a folder of .png, .tif or .jpg slices
+    /// Volume to read: .nrrd .nhdr .nii .nii.gz .hdr .npy .raw .tif, a folder of slices or of time steps, or - for raw samples
     pub(in crate::cli) source: PathBuf,
     /// File to write; - for standard output, as a log
     pub(in crate::cli) target: PathBuf,
