@@ -157,3 +157,38 @@ fn append_refuses_what_does_not_fit() {
     assert_eq!(std::fs::read(&log).unwrap(), before);
     assert_eq!(std::fs::read_dir(d).unwrap().count(), 6, "no temporary is left");
 }
+
+#[test]
+fn recover_lists_what_lives_and_what_is_lost() {
+    let dir = tempfile::tempdir().unwrap();
+    let d = dir.path();
+    let log = series(d);
+    let whole = json(&run(&["recover", "--json"], &[&log, &d.join("whole.vug")]));
+    assert_eq!((whole["lost"].as_array().unwrap().len(), whole["damage"].as_array().unwrap().len()), (0, 0));
+    let all = whole["live"].as_array().unwrap().len();
+    assert!(all > 0 && whole["commit"]["generation"].as_u64() > Some(0), "{whole}");
+    // The last brick of the log is damaged.
+    let mut bytes = std::fs::read(&log).unwrap();
+    let id = open(bytes.clone()).head().superblock.file_id;
+    let (at, leader) = vug::container::find_leaders(&bytes, 0, &id).pop().unwrap();
+    bytes[at as usize + 33] ^= 1;
+    std::fs::write(&log, &bytes).unwrap();
+    let (rest, brick) = (d.join("rest.vug"), leader.brick);
+    let r = run(&["recover"], &[&log, &rest]);
+    assert_eq!(r.code, 1, "{r:?}");
+    let lost = format!("lost: time step 0, channel 0, level {}, brick {brick:?}: E_BRICK_CRC", leader.level);
+    assert!(r.err.contains(&lost) && r.err.contains("1 bricks are lost"), "{r:?}");
+    assert!(r.out.contains("live        time step 0, channel 0, level 0:"), "{r:?}");
+    let found = run(&["recover", "--json", "--force"], &[&log, &rest]);
+    assert_eq!(found.code, 1);
+    let found: serde_json::Value = serde_json::from_str(&found.out).unwrap();
+    assert_eq!(found["live"].as_array().unwrap().len(), all - 1);
+    assert_eq!(found["lost"][0]["error"]["code"], "E_BRICK_CRC");
+    assert_eq!(run(&["verify"], &[&rest]).code, 0);
+    assert_eq!(run(&["verify"], &[&log]).code, 3);
+    // Nothing to start from.
+    std::fs::write(&log, &bytes[..300]).unwrap();
+    let r = run(&["recover", "--force"], &[&log, &rest]);
+    assert!(r.code == 3 && r.err.contains("E_COMMIT"), "{r:?}");
+    assert_eq!(run(&["verify"], &[&rest]).code, 0, "the old file is still there");
+}

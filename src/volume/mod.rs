@@ -82,7 +82,7 @@ pub use bounds::Bounds;
 pub use census::BrickCounts;
 pub use codec_stats::{CodecStats, LevelStats};
 pub use counted::Cost;
-pub use edit::{Appender, BrickOrder, CopyOptions, CopyReport, Excerpt, ZstdPolicy};
+pub use edit::{Appender, BrickOrder, CopyOptions, CopyReport, Excerpt, Recovered, ZstdPolicy, recover};
 pub use encode::{Progress, encode, encode_log};
 pub use open::Volume;
 pub use options::{Bound, CodecChoice, EncodeOptions, NonFinite, Quality, ZerobitOptions};

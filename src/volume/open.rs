@@ -76,6 +76,15 @@ impl Volume {
                 }
             }
         };
+        Volume::assemble(source, head, limits)
+    }
+
+    /// A volume of a head that was parsed elsewhere.
+    pub(super) fn of_head(source: Box<dyn ByteSource>, head: Head, limits: Limits) -> Result<Volume> {
+        Volume::assemble(Counted::new(source), head, limits)
+    }
+
+    fn assemble(source: Counted, head: Head, limits: Limits) -> Result<Volume> {
         let codecs = CodecTable::new(&head)?;
         let (pages, bricks) = (Pages::new(&head), Bricks::new(limits.cache_bytes));
         Ok(Volume { source, head, codecs, pages, bricks, books: Books::default(), limits })

@@ -132,6 +132,29 @@ pub(in crate::cli) struct Append {
     pub(in crate::cli) common: Common,
 }
 
+/// Saves what is whole of a damaged or unfinished .vug file as a new one
+#[derive(Args)]
+#[command(
+    after_help = "A log that its writer did not finish is taken as of its last commit, with bricks that were finished after it. Where the
+index is damaged, bricks are found by what stands before them. TARGET is strictly valid; what is lost is EMPTY in it.
+Exit code 0: nothing was lost; 1: bricks or tables were, and are listed.
+
+Examples:
+  vug recover broken.vug rest.vug
+  vug recover broken.vug rest.vug --json       every brick that lives, and every one that is lost"
+)]
+pub(in crate::cli) struct Recover {
+    /// .vug file
+    pub(in crate::cli) source: PathBuf,
+    /// .vug file to write
+    pub(in crate::cli) target: PathBuf,
+    /// Overwrite TARGET
+    #[arg(long)]
+    pub(in crate::cli) force: bool,
+    #[command(flatten)]
+    pub(in crate::cli) common: Common,
+}
+
 /// How the new file is written.
 #[derive(Args, Clone)]
 pub(in crate::cli) struct Write {

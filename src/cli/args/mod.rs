@@ -4,7 +4,7 @@ mod edit;
 mod encode;
 mod parse;
 
-pub(in crate::cli) use edit::{Append, Extract, Pack, Repack, Write};
+pub(in crate::cli) use edit::{Append, Extract, Pack, Recover, Repack, Write};
 pub(in crate::cli) use encode::{
     CodecArg, DownsampleArg, Encode, EndpointsArg, NanArg, NormArg, StreamArg, ThresholdArg, TrainingArg, ZerobitArgs,
 };
@@ -48,6 +48,7 @@ pub(in crate::cli) enum Command {
     Append(Append),
     Extract(Extract),
     Pack(Pack),
+    Recover(Recover),
     Repack(Repack),
 }
 
@@ -64,6 +65,7 @@ impl Command {
             Command::Append(c) => &c.common,
             Command::Extract(c) => &c.common,
             Command::Pack(c) => &c.common,
+            Command::Recover(c) => &c.common,
             Command::Repack(c) => &c.common,
         }
     }

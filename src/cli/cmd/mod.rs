@@ -10,6 +10,7 @@ mod encode;
 mod extract;
 mod info;
 mod pack;
+mod recover;
 mod repack;
 mod slice;
 mod verify;
@@ -31,6 +32,7 @@ pub(super) fn run(command: Command) -> Result<Verdict> {
         Command::Append(args) => append::run(&args),
         Command::Extract(args) => extract::run(&args),
         Command::Pack(args) => pack::run(&args),
+        Command::Recover(args) => recover::run(&args),
         Command::Repack(args) => repack::run(&args),
     }
 }

@@ -40,8 +40,17 @@ pub(super) struct Copied {
     pub(super) stored_bytes: u64,
     /// Payloads that were compressed or inflated.
     pub(super) converted: u64,
+    /// Range of the values, by the bounds of the nodes.
+    pub(super) range: Option<(f64, f64)>,
     /// What was left out, and why.
     pub(super) lost: Vec<(Item, Error)>,
+}
+
+impl Copied {
+    fn join(&mut self, node: &Node) {
+        let (min, max) = (f64::from(node.min), f64::from(node.max));
+        self.range = Some(self.range.map_or((min, max), |(lo, hi)| (lo.min(min), hi.max(max))));
+    }
 }
 
 /// The stored bytes of each brick of a group, and why there are none.
@@ -132,11 +141,16 @@ impl<'a> Copier<'a> {
                 let (tree, level, brick) = item.to;
                 match ready {
                     Ok(Some(r)) => {
+                        copied.join(&r.node);
                         sink.put_stored(tree, level, brick, &r.node, &r.payload)?;
                         copied.payload_bytes += r.payload_len;
                         copied.converted += u64::from(r.converted);
                     }
-                    Ok(None) => sink.put_constant(tree, level, brick, &self.constant(&item.node)?)?,
+                    Ok(None) => {
+                        let node = self.constant(&item.node)?;
+                        copied.join(&node);
+                        sink.put_constant(tree, level, brick, &node)?;
+                    }
                     Err(e) if self.tolerant => copied.lost.push((*item, failed[i].take().unwrap_or(e))),
                     Err(e) => return Err(e),
                 }

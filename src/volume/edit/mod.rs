@@ -22,11 +22,13 @@
 mod append;
 mod copy;
 mod excerpt;
+mod recover;
 mod steps;
 mod stored;
 
 pub use append::Appender;
 pub use excerpt::Excerpt;
+pub use recover::{Recovered, recover};
 
 use crate::container::FileSummary;
 use crate::geometry::Region;
