@@ -8,7 +8,7 @@ use support::{encode, explicit, hash, open, verify};
 use vug::container::{BrickSink, FileSummary, FinishOptions, LogWriter, Node, Octree, VolumeDescriptor};
 use vug::limits::Limits;
 use vug::source::MemorySource;
-use vug::volume::{self, At, CodecChoice, CopyOptions, EncodeOptions, Quality, Recovered, Volume};
+use vug::volume::{self, At, BrickOrder, CodecChoice, CopyOptions, EncodeOptions, Quality, Recovered, Volume};
 use vug::{Code, Extent, Grid, Region};
 
 fn recover(bytes: &[u8]) -> vug::Result<(Vec<u8>, Recovered)> {
@@ -122,6 +122,12 @@ fn what_is_whole_is_packed() {
         let (out, found) = recover(&log).unwrap();
         assert!(out == pack(&log) && found.is_whole() && found.commit.unwrap().generation > 3, "{found:?}");
         assert!(out == file, "{codec:?}");
+        // Whatever the order of its bricks.
+        let volume = open(file.clone());
+        let clustered = CopyOptions { order: BrickOrder::Clustered, ..CopyOptions::default() };
+        let excerpt = volume.excerpt(&clustered).unwrap();
+        let web = excerpt.write_head(Cursor::new(Vec::new()), &mut |_, _| {}).unwrap().0.into_inner();
+        assert!(web != file && recover(&web).unwrap().0 == web, "{codec:?}, clustered");
     }
 }
 

@@ -34,6 +34,13 @@ pub(super) struct Item {
     pub(super) to: (u32, u8, Coord),
 }
 
+impl Item {
+    /// Where it lies. CONSTANT bricks lie nowhere: theirs is the order of the index.
+    pub(super) fn in_file(&self) -> u64 {
+        if self.node.kind == NodeKind::Stored { self.node.offset } else { 0 }
+    }
+}
+
 impl Volume {
     /// Chooses what to copy. Nothing is read yet.
     ///
@@ -161,10 +168,7 @@ impl Excerpt<'_> {
         });
         visited.map_err(|e| self.volume.replaced_or(e))?;
         match self.order {
-            // CONSTANT bricks lie nowhere: theirs is the order of the index.
-            BrickOrder::File => {
-                items.sort_by_key(|i| if i.node.kind == NodeKind::Stored { i.node.offset } else { 0 });
-            }
+            BrickOrder::File => items.sort_by_key(Item::in_file),
             BrickOrder::Clustered => items.sort_by_cached_key(|item| {
                 let (tree, level, brick) = item.to;
                 (Reverse(level), tree, self.octree.locate(tree, level, brick))

@@ -74,7 +74,9 @@ pub fn recover<W: Write + Seek>(
     let d = volume.info().clone();
     let whole = damage.is_empty() && lost.is_empty() && bricks.iter().all(|b| b.indexed);
     let copier = Copier { tolerant: true, ..Copier::new(&volume, ZstdPolicy::Keep, !whole) };
-    let items: Vec<Item> = bricks.iter().map(item).collect();
+    let mut items: Vec<Item> = bricks.iter().map(item).collect();
+    // As they lie in the file: what was whole is then the file that packing gives.
+    items.sort_by_key(Item::in_file);
     let mut sink = FileWriter::new(out, &d)?;
     let copied = copier.run(&items, &mut sink, progress, &mut |_, _| Ok(()))?;
     let at =
