@@ -7,7 +7,7 @@ use vug::container::{BrickSink, FinishOptions, LogWriter, NodeKind, Recovery, re
 use vug::limits::Limits;
 use vug::source::{ByteSource, MemorySource};
 use vug::time::{TimeUnit, Times};
-use vug::volume::{At, EncodeOptions, Quality, Volume};
+use vug::volume::{At, CodecChoice, EncodeOptions, Quality, Volume};
 use vug::{Code, Extent, Region};
 
 fn recovered(file: &[u8]) -> Recovery {
@@ -57,7 +57,8 @@ impl ByteSource for Remote {
 fn files() -> Vec<Vec<u8>> {
     let mut grid = ball(Extent::new(70, 50, 40));
     let small = |options: EncodeOptions| EncodeOptions { brick: Some(16), ..options };
-    let zerobit = EncodeOptions { quality: Quality::Zerobit { keep: 0.1 }, ..EncodeOptions::default() };
+    let zerobit =
+        EncodeOptions { codec: CodecChoice::Zerobit, quality: Quality::Keep(100_000), ..EncodeOptions::default() };
     [explicit(4, 4), EncodeOptions { zstd: false, ..explicit(8, 4) }, EncodeOptions::default(), zerobit]
         .map(|options| encode(&mut grid, &small(options)).0)
         .to_vec()
@@ -66,8 +67,8 @@ fn files() -> Vec<Vec<u8>> {
 #[test] // spec: LOG-2, LOG-3, LOG-7, VAL-12
 fn a_log_has_the_voxels_of_the_file_it_was_made_of() {
     for file in files() {
-        let (log, commits) = log_of(&file, 17);
-        assert!(commits.len() > 2);
+        let (log, commits) = log_of(&file, 5);
+        assert!(commits.len() > 2, "{}", commits.len());
         let errors = verify(&log);
         assert!(errors.is_empty(), "{errors:?}");
         let (a, b) = (open(file), open(log));
@@ -76,7 +77,7 @@ fn a_log_has_the_voxels_of_the_file_it_was_made_of() {
         assert_eq!((a.times().unwrap(), a.meta().unwrap()), (None, b.meta().unwrap()));
         for lod in 0..a.info().lod_count {
             let at = At { lod, ..At::default() };
-            assert!(a.read(at).unwrap() == b.read(at).unwrap());
+            assert!(a.read(at).unwrap().bytes() == b.read(at).unwrap().bytes());
             let region = Region::whole(a.levels().nth(usize::from(lod)).unwrap());
             assert_eq!(a.bounds(at, region).unwrap(), b.bounds(at, region).unwrap());
         }
@@ -119,9 +120,10 @@ fn a_torn_log_reads_as_of_its_last_commit() {
             let c = [35, 25, z];
             let (a, b) = (whole.voxel(At::default(), c).unwrap(), torn.voxel(At::default(), c).unwrap());
             assert!(a == b || b == null);
-            (there, missing) = (there + u32::from(a == b), missing + u32::from(a != b));
+            there += u32::from(a == b && a != null);
+            missing += u32::from(a != b);
         }
-        assert_eq!(there + missing, 40);
+        assert!(there + missing > 20, "the ball is in the middle");
         assert!(generation > 0 || there == 0);
     }
 }
@@ -132,8 +134,8 @@ fn salvage_finds_constant_bricks_of_a_log_by_their_leaders() {
     for v in grid.samples_mut::<u8>().iter_mut().take(70 * 50 * 16) {
         *v = 9;
     }
-    let file = encode(&mut grid, &EncodeOptions { brick: Some(16), ..explicit(4, 4) }).0;
-    let (log, _) = log_of(&file, usize::MAX);
+    let encoded = encode(&mut grid, &EncodeOptions { brick: Some(16), ..explicit(4, 4) }).0;
+    let (log, _) = log_of(&encoded, usize::MAX);
     let volume = open(log.clone());
     let whole = volume.read(At::default()).unwrap();
     let page = volume.head().section_range(*b"PAGE");
@@ -143,5 +145,9 @@ fn salvage_finds_constant_bricks_of_a_log_by_their_leaders() {
     bad[at + 40] ^= 1;
     let volume = Volume::open_salvage(MemorySource(bad), Limits::default()).unwrap();
     let saved = volume.salvage(At::default(), Region::whole(Extent::new(70, 50, 40))).unwrap();
-    assert!(saved.found_by_leader > 20 && saved.grid == whole && saved.lost.is_empty());
+    // EMPTY bricks have no leaders: they are given up, and are the null value all the same.
+    assert!(saved.grid.bytes() == whole.bytes());
+    let stored_or_constant = recovered(&encoded).bricks.iter().filter(|b| b.place.1 == 0).count();
+    assert_eq!(saved.found_by_leader as usize, stored_or_constant);
+    assert!(stored_or_constant > 20, "{stored_or_constant}");
 }

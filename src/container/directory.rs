@@ -3,9 +3,9 @@
 //! Root entry (24 bytes, one per chunk present): chunk ordinal u64, offset u64, CRC u32, count u16, flags u16.
 //! Page entry (16 bytes, 1,024 per chunk): page offset u64, CRC u32, count u16, flags u16; all zero: every node EMPTY.
 
+use super::head::Head;
 use super::node::{NODE_BYTES, Node, NodeKind};
 use super::octree::Octree;
-use super::parse::Head;
 use super::{GUARD_BYTES, leader::LEADER_BYTES, section, wire};
 use crate::checksum::crc32;
 use crate::error::{Code, Error, Result};

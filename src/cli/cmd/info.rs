@@ -82,6 +82,8 @@ fn describe(volume: &Volume, bricks: &BrickCounts) -> Result<Value> {
         "sample_type": d.sample_type.name(),
         "channels": d.channels,
         "time_steps": d.time_steps,
+        "times": volume.times()?.map(|t| json!({ "unit": t.unit.name(), "interval": t.interval(), "steps": t.steps })),
+        "layout": if volume.head().commit.is_some() { "log" } else { "head" },
         "codec": names.join("+"),
         "codecs": parameters,
         "codebooks": section.map_or(0, |s| s.item_count),
@@ -141,12 +143,12 @@ fn text(j: &Value) -> String {
         None => "unknown".into(),
     };
     format!(
-        "volume      {} {} (x, y, z), {} channel(s), {} time step(s)\n\
+        "volume      {} {} (x, y, z), {} channel(s), {} time step(s){}\n\
          values      {} … {}, null {}, × {} + {}\n\
          spacing     {} {} (x, y, z), space {}\n\
          origin      {}\n\
          codec       {}{}\n\
-         levels      {}\n\
+         levels      {}{}\n\
          bricks      {} of {}³: {} stored, {} constant, {} empty\n\
          size        {} ({} bits per voxel)\n\
          ratio       {} formula, {} payload, {} file\n\
@@ -156,6 +158,7 @@ fn text(j: &Value) -> String {
         j["sample_type"].as_str().unwrap_or(""),
         j["channels"],
         j["time_steps"],
+        times_text(&j["times"]),
         j["range"][0],
         j["range"][1],
         j["null_value"].as_str().unwrap_or(""),
@@ -168,6 +171,7 @@ fn text(j: &Value) -> String {
         codec.join("; "),
         if j["zstd"] == true { ", zstd" } else { "" },
         j["levels"],
+        j["downsample"].as_str().map_or(String::new(), |operator| format!(", by {operator}")),
         b["total"],
         j["brick"],
         b["stored"],
@@ -180,6 +184,14 @@ fn text(j: &Value) -> String {
         num(&j["ratio"]["file"]),
         j["file_id"].as_str().unwrap_or(""),
     )
+}
+
+/// From when to when, and how far apart.
+fn times_text(times: &Value) -> String {
+    let Some([first, .., last]) = times["steps"].as_array().map(Vec::as_slice) else { return String::new() };
+    let unit = times["unit"].as_str().unwrap_or("");
+    let apart = times["interval"].as_f64().map_or(String::new(), |interval| format!(", {interval} {unit} apart"));
+    format!(": {first} … {last} {unit}{apart}")
 }
 
 fn join(values: &[Value], separator: &str) -> String {

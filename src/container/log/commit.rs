@@ -120,7 +120,7 @@ pub(in super::super) fn read_trailer(bytes: &[u8], at: u64, file_id: &[u8; 16]) 
     let t: Trailer = wire::read(bytes, at, "trailer").ok()?;
     let least = (RECORD_BYTES + SUPERBLOCK_BYTES) as u64;
     let whole = crc32_seeded(file_id, &bytes[..28]) == t.crc && t.reserved_a == 0 && t.reserved_b == 0;
-    let in_place = t.commit >= FIRST_RECORD && t.commit % 16 == 0 && t.commit.checked_add(least)? <= at;
+    let in_place = t.commit >= FIRST_RECORD && t.commit.is_multiple_of(16) && t.commit.checked_add(least)? <= at;
     let end = at + TRAILER_BYTES as u64;
     (whole && in_place).then_some(Commit { generation: t.generation, offset: t.commit, end })
 }

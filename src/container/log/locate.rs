@@ -71,10 +71,10 @@ impl Locate {
                     return Ok(Located::Found(commit, at, bytes));
                 }
             }
-            if self.window.is_none() {
-                if let Some(need) = self.open_window(head, supplied.take())? {
-                    return Ok(need);
-                }
+            if self.window.is_none()
+                && let Some(need) = self.open_window(head, supplied.take())?
+            {
+                return Ok(need);
             }
             self.scan()?;
         }

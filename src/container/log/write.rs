@@ -169,14 +169,38 @@ impl<W: Write> LogWriter<W> {
         Ok(())
     }
 
-    /// Commits all that was put (spec: LOG-10).
-    fn commit(&mut self, descriptor: &VolumeDescriptor, options: &FinishOptions) -> Result<()> {
+    /// Writes and flushes all that the next commit refers to, but not the commit. Who wants a commit to outlive a power cut
+    /// calls this, syncs the file, then [`checkpoint`](BrickSink::checkpoint) or [`finish`](BrickSink::finish) with the same
+    /// arguments, and syncs again: then no commit is there before what it refers to (spec: LOG-10).
+    ///
+    /// # Errors
+    /// As [`BrickSink::checkpoint`].
+    pub fn prepare(&mut self, descriptor: &VolumeDescriptor, options: &FinishOptions) -> Result<()> {
+        self.write_records(descriptor, options)?;
+        self.flush()
+    }
+
+    /// Pages, chunks and sections that are new or have changed; returns the names of the features.
+    fn write_records(&mut self, descriptor: &VolumeDescriptor, options: &FinishOptions) -> Result<Vec<FeatureName>> {
         self.check_whole()?;
         self.take_descriptor(descriptor)?;
         let sections = sections_of(options, descriptor)?;
         let names = self.take_features(descriptor, options)?;
         self.write_pages(descriptor)?;
         self.write_sections(sections)?;
+        Ok(names)
+    }
+
+    fn flush(&mut self) -> Result<()> {
+        self.broken = true;
+        self.out.flush().map_err(|e| Error::io("writing", e))?;
+        self.broken = false;
+        Ok(())
+    }
+
+    /// Commits all that was put (spec: LOG-10).
+    fn commit(&mut self, descriptor: &VolumeDescriptor, options: &FinishOptions) -> Result<()> {
+        let names = self.write_records(descriptor, options)?;
         let refs: Vec<ChunkRef> = self.chunks.values().copied().collect();
         let sections: Vec<SectionEntry> = self.sections.iter().map(|s| s.0.clone()).collect();
         let parts = CommitParts {
@@ -203,13 +227,6 @@ impl<W: Write> LogWriter<W> {
             self.last = Some(says);
         }
         self.flush()
-    }
-
-    fn flush(&mut self) -> Result<()> {
-        self.broken = true;
-        self.out.flush().map_err(|e| Error::io("writing", e))?;
-        self.broken = false;
-        Ok(())
     }
 
     /// The volume may have more time steps than at first, all else that bricks depend on stays.

@@ -74,6 +74,8 @@ fn what_is_written_already_is_not_written_again() {
     let len = w.len();
     w.checkpoint(&d, &options).unwrap();
     assert_eq!(w.len(), len, "nothing new, no commit");
+    w.prepare(&d, &options).unwrap();
+    assert_eq!(w.len(), len, "nothing new, no record");
     let other = FinishOptions { meta: Some(b"{}".to_vec()), ..options };
     w.checkpoint(&d, &other).unwrap();
     let log = w.get_mut().clone();
@@ -147,7 +149,13 @@ fn appending_leaves_what_was_there() {
     put(&mut w, &mut d, (3, 0, [0, 0, 0]), 0, NodeFlags::default(), &payload(5, 50));
     // Times of two steps do not do for four.
     assert_eq!(w.checkpoint(&d, &kept).unwrap_err().code(), Code::Size);
-    let (longer, _) = w.finish(&d, FinishOptions { times: None, ..kept }).unwrap();
+    let kept = FinishOptions { times: None, ..kept };
+    w.prepare(&d, &kept).unwrap();
+    let ready = w.get_mut().clone();
+    assert_eq!(open(&ready).unwrap().commit, head.commit, "ready, but not committed");
+    let (longer, _) = w.finish(&d, kept).unwrap();
+    let commit = open(&longer).unwrap().commit.unwrap();
+    assert!(longer.starts_with(&ready) && commit.offset == (ready.len() as u64).next_multiple_of(16));
     assert!(longer.starts_with(&log));
     let now = open(&longer).unwrap();
     assert_eq!((now.commit.unwrap().generation, now.descriptor.time_steps), (4, 4));
