@@ -44,7 +44,7 @@ struct Often {
 impl Often {
     fn next(&mut self) -> vug::Result<()> {
         self.count += 1;
-        if self.count % 5 == 0 { self.log.checkpoint(&self.descriptor, &self.options) } else { Ok(()) }
+        if self.count.is_multiple_of(5) { self.log.checkpoint(&self.descriptor, &self.options) } else { Ok(()) }
     }
 }
 
