@@ -8,7 +8,9 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 use support::{explicit, noise, open};
-use vug::volume::{self, At, CopyOptions, EncodeOptions, ZstdPolicy};
+use vug::limits::Limits;
+use vug::source::MemorySource;
+use vug::volume::{self, At, CopyOptions, EncodeOptions, Volume, ZstdPolicy};
 use vug::{Code, Extent};
 
 /// Kills per command.
@@ -159,6 +161,49 @@ fn a_killed_appender_leaves_the_old_log_or_the_new_one() {
     assert_eq!(raw.len(), 256 * 256 * 128);
     println!("append: {killed} of {KILLS} killed before their end, {appended} appended, {torn} torn");
     assert_eq!(std::fs::read_dir(&dir).unwrap().count(), 3, "no temporary is left");
+}
+
+#[test]
+fn a_killed_writer_of_a_log_loses_nothing_that_was_committed() {
+    let (_guard, dir) = folder();
+    // Payloads of 48 MiB: a commit is written every 16 MiB.
+    let raw = std::fs::read(dir.join("a.raw")).unwrap();
+    std::fs::write(dir.join("big.raw"), raw.repeat(6)).unwrap();
+    let args = ["encode", "big.raw", "log.vug", "--log", "--force", "--codec", "raw", "--no-zstd", "--shape"];
+    let args = [&args[..], &["256,256,768", "--dtype", "u8", "--brick", "32"]].concat();
+    let whole = finish(&dir, &args);
+    let log = dir.join("log.vug");
+    let original = open(std::fs::read(&log).unwrap());
+    let mut moments = Moments::new(5);
+    let (mut killed, mut committed, mut more) = (0, 0, 0);
+    for i in 0..KILLS / 2 {
+        std::fs::remove_file(&log).unwrap();
+        killed += u32::from(kill_after(&dir, &args, moments.next(whole)));
+        let Ok(found) = std::fs::read(&log) else {
+            std::fs::write(&log, b"").unwrap();
+            continue;
+        };
+        let Ok(volume) = Volume::open(MemorySource(found.clone()), Limits::default()) else {
+            assert!(found.len() < 4096, "kill {i}: {} bytes without a commit", found.len());
+            continue;
+        };
+        let stored = volume.brick_counts().unwrap().stored;
+        let out = Cursor::new(Vec::new());
+        let (out, saved) = volume::recover(MemorySource(found), Limits::default(), out, &mut |_, _| {}).unwrap();
+        assert!(saved.is_whole() || saved.live.len() as u64 >= stored, "kill {i}: {:?}", saved.lost);
+        let recovered = open(out.into_inner());
+        assert!(recovered.brick_counts().unwrap().stored >= stored, "kill {i}: what was committed is there");
+        for &(at, brick) in &saved.live {
+            let (a, b) = (recovered.read_brick(at, brick).unwrap(), original.read_brick(at, brick).unwrap());
+            assert!(a.bytes() == b.bytes(), "kill {i}: {brick:?}");
+        }
+        committed += u32::from(stored > 0);
+        more += u32::from(saved.by_leader > 0);
+    }
+    println!(
+        "log: {killed} of {} killed before their end, {committed} with committed bricks, {more} with more",
+        KILLS / 2
+    );
 }
 
 /// Takes so many bytes, and few at a time.

@@ -11,13 +11,13 @@ use crate::codec::s3dc::Endpoints;
 use crate::codec::zerobit;
 use crate::container::Downsample;
 use crate::convert::{Format, ImportOptions, Kind};
-use crate::error::{Error, Result};
+use crate::error::{Code, Error, Result};
 use crate::geometry::Extent;
 use crate::source::AtomicFile;
 use crate::volume::{self, CodecChoice, EncodeOptions, EncodeReport, NonFinite, Quality, Selection, ZerobitOptions};
 use crate::voxel::SampleType;
 use serde_json::{Value, json};
-use std::fs::{File, OpenOptions};
+use std::fs::{File, OpenOptions, TryLockError};
 use std::path::Path;
 
 /// What zerobit keeps where nothing else is said, in millionths.
@@ -100,13 +100,21 @@ fn is_stdout(target: &Path) -> bool {
     target == Path::new("-")
 }
 
-/// A new file, or one that may be overwritten.
+/// A new file, or one that may be overwritten; locked, so that nobody appends to what is not finished.
 fn new_log(path: &Path, force: bool) -> Result<File> {
     AtomicFile::check(path, force)?;
+    let fail = |e| Error::io(path.display(), e);
     let mut options = OpenOptions::new();
     options.write(true);
-    let options = if force { options.create(true).truncate(true) } else { options.create_new(true) };
-    options.open(path).map_err(|e| Error::io(path.display(), e))
+    let options = if force { options.create(true).truncate(false) } else { options.create_new(true) };
+    let file = options.open(path).map_err(fail)?;
+    if let Err(TryLockError::WouldBlock) = file.try_lock() {
+        let message = format!("another process is writing to {}; wait until it is done", path.display());
+        return Err(Error::new(Code::Source, "path", message));
+    }
+    // Only now: it may have been somebody's.
+    file.set_len(0).map_err(fail)?;
+    Ok(file)
 }
 
 /// How a mask is read: `--shape` and `--dtype` are for the source. A raw mask has its shape, and a byte per voxel.

@@ -11,11 +11,12 @@
 //!
 //! let wanted = Region { start: [20, 20, 20], end: [40, 40, 40] };
 //! let excerpt = volume.excerpt(&CopyOptions { region: Some(wanted), ..Default::default() })?;
-//! assert_eq!(excerpt.region(), Region { start: [16; 3], end: [48; 3] }); // whole bricks
+//! let kept = excerpt.region();
+//! assert_eq!(kept, Region { start: [16; 3], end: [48; 3] }); // whole bricks
 //! let (out, report) = excerpt.write_head(std::io::Cursor::new(Vec::new()), &mut |_, _| {})?;
 //! let cut = Volume::open(MemorySource(out.into_inner()), Default::default())?;
 //! assert_eq!(report.file.stored, 8);
-//! assert_eq!(cut.read(At::default())?.bytes(), volume.read_region(At::default(), excerpt.region())?.bytes());
+//! assert_eq!(cut.read(At::default())?.bytes(), volume.read_region(At::default(), kept)?.bytes());
 //! # Ok::<(), vug::Error>(())
 //! ```
 

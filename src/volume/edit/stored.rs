@@ -41,15 +41,24 @@ pub(super) fn read_all<'a>(volume: &'a Volume, group: &[Item]) -> Result<Vec<Cow
     let range = |i: usize| group[i].node.offset..group[i].node.offset + u64::from(group[i].node.stored_len);
     let mut stored = vec![Cow::Borrowed(&[][..]); group.len()];
     let near = |a: &usize, b: &usize| range(*b).start.saturating_sub(range(*a).end) <= MERGE_GAP;
-    for run in by_offset.chunk_by(near) {
-        let start = range(run[0]).start;
-        let end = run.iter().map(|&i| range(i).end).max().unwrap_or(start);
-        #[allow(clippy::cast_possible_truncation, reason = "payloads of a group, and gaps between them")]
-        let bytes = volume.source.read(start, (end - start) as usize)?;
+    let runs: Vec<&[usize]> = by_offset.chunk_by(near).collect();
+    let ranges: Vec<(u64, usize)> = runs
+        .iter()
+        .map(|run| {
+            let start = range(run[0]).start;
+            let end = run.iter().map(|&i| range(i).end).max().unwrap_or(start);
+            #[allow(clippy::cast_possible_truncation, reason = "payloads of a group, and gaps between them")]
+            let len = (end - start) as usize;
+            (start, len)
+        })
+        .collect();
+    // All runs at once: a source far away is asked for several at a time.
+    let read = volume.source.read_many(&ranges)?;
+    for ((run, (start, _)), bytes) in runs.into_iter().zip(ranges).zip(&read) {
         for &i in run {
             #[allow(clippy::cast_possible_truncation, reason = "inside the bytes that were read")]
             let part = (range(i).start - start) as usize..(range(i).end - start) as usize;
-            stored[i] = match &bytes {
+            stored[i] = match bytes {
                 Cow::Borrowed(bytes) => Cow::Borrowed(&bytes[part]),
                 Cow::Owned(bytes) => Cow::Owned(bytes[part].to_vec()),
             };
