@@ -184,12 +184,13 @@ fn pages_of_a_large_region_are_read_together() {
     let server = Server::start(server::Mode { content: Arc::new(one_gib()), ..server::Mode::new(vec![]) });
     let volume = over_http(&server);
     server.take();
-    // 16×16 bricks in 2×2 pages, 4 of which are one run of bytes; 256 bricks, all neighbours: 64 MiB in ranges of 4 MiB.
+    // 16×16 bricks in 2×2 pages, 4 of which are one run of bytes; 256 bricks, all neighbours: 64 MiB in ranges of
+    // at most 2 MiB.
     volume.plane(At::default(), Axis::Z, 5).unwrap();
     let seen = server.take();
     let (pages, bricks): (Vec<_>, Vec<_>) = seen.iter().partition(|s| s.bytes < 1 << 18);
     assert_eq!((pages.len(), volume.cost().reads), (1, 1 + 1 + bricks.len() as u64));
-    assert!((16..=18).contains(&bricks.len()), "{}", bricks.len());
+    assert!((32..=40).contains(&bricks.len()), "{}", bricks.len());
     let (requests, _) = {
         volume.bounds(At::default(), Region::whole(Extent::cube(1024))).unwrap();
         server.cost()
@@ -246,7 +247,7 @@ fn reading_ahead_ends_with_the_reader() {
     let error = volume.read(At::default()).unwrap_err();
     assert_eq!(error.code(), vug::Code::BrickCrc, "{error}");
     let (_, bytes) = server.cost();
-    assert!(bytes < 3 * (24 << 20) + (4 << 20), "{bytes} bytes");
+    assert!(bytes < 3 * (24 << 20), "{bytes} bytes");
 }
 
 #[test]

@@ -18,6 +18,8 @@ fn bytes(len: usize) -> Vec<u8> {
     (0..len).map(|i| (i as u32).wrapping_mul(0x9E37_79B1).to_le_bytes()[3]).collect()
 }
 
+type Change<'a> = &'a dyn Fn(&mut Mode);
+
 /// Quick to try again.
 fn quick() -> HttpOptions {
     HttpOptions { backoff: Duration::from_millis(1), timeout: Duration::from_secs(5), ..HttpOptions::default() }
@@ -216,7 +218,7 @@ fn a_replaced_file_is_found_out() {
     let data = bytes(100_000);
     let mut other = data.clone();
     other[60_000] ^= 1;
-    let changes: [(&str, &dyn Fn(&mut Mode)); 4] = [
+    let changes: [(&str, Change<'_>); 4] = [
         ("another tag", &|mode| mode.etag = Some("\"two\"".into())),
         ("no tag, another date", &|mode| {
             (mode.etag, mode.modified) = (None, Some("Mon, 02 Mar 2026 10:00:00 GMT".into()))
@@ -282,7 +284,7 @@ fn answers_to_other_questions_are_refused() {
     let data = bytes(100_000);
     let server = Server::of(data.clone());
     let source = open(&server).unwrap();
-    let lies: [&dyn Fn(&mut Mode); 6] = [
+    let lies: [Change<'_>; 6] = [
         &|mode| mode.shift = 1,
         &|mode| mode.total = Some("*".into()),
         &|mode| mode.total = Some("-1".into()),

@@ -108,9 +108,11 @@ impl Bricks {
     }
 }
 
+type Guard<'a> = PlaceholderGuard<'a, Key, Arc<[u8]>, ByBytes, DefaultHashBuilder, DefaultLifecycle<Key, Arc<[u8]>>>;
+
 /// The right and duty to bring one payload into the cache; others wait for it.
 pub(super) struct Claim<'a> {
-    guard: PlaceholderGuard<'a, Key, Arc<[u8]>, ByBytes, DefaultHashBuilder, DefaultLifecycle<Key, Arc<[u8]>>>,
+    guard: Guard<'a>,
     layout: usize,
 }
 

@@ -21,9 +21,10 @@ use std::sync::{Arc, Mutex};
 /// Ranges closer together than this are read in one go: leader, guard and alignment of neighbouring bricks.
 pub(super) const MERGE_GAP: u64 = 512;
 /// Longest merged read, in bytes.
-pub(super) const MERGE_MAX: u64 = 4 << 20;
-/// Stored bytes from which on a group is complete: work for all connections to a distant source.
-const GROUP_BYTES: u64 = 24 << 20;
+pub(super) const MERGE_MAX: u64 = 2 << 20;
+/// Stored bytes from which on a group is complete: work for all connections to a distant source, and little enough that
+/// decoding begins soon.
+const GROUP_BYTES: u64 = 12 << 20;
 /// Bricks from which on a group is complete, where next to nothing is stored.
 const GROUP_BRICKS: usize = 1 << 16;
 /// Payload bytes held in copies at a time while a region is read.
