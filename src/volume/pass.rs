@@ -83,7 +83,7 @@ impl Pass {
         work: &(impl Fn(Place, View<'_>) -> Result<R> + Sync),
         take: &mut impl FnMut(Place, R) -> Result<()>,
     ) -> Result<()> {
-        let (fine, edge) = (self.pyramid.fine, self.edge);
+        let (fine, edge, memory) = (self.pyramid.fine, self.edge, source.memory);
         let (layers, brick_rows) = (fine.z.div_ceil(edge), fine.y.div_ceil(edge));
         // Only the layers of level 0 that the wanted ones are made of.
         let wanted = walk.layers.clone().map_or(0..layers, |l| {
@@ -100,7 +100,7 @@ impl Pass {
                 let y = first * edge..(first.saturating_add(self.rows_at_a_time).saturating_mul(edge)).min(fine.y);
                 let view = read(source, self.strip.as_mut(), self.spool.as_mut(), z.clone(), y.clone())?;
                 if walk.levels.contains(&0) {
-                    bricks(self.at, edge, &view, [y.start, z.start], work, take)?;
+                    bricks(self.at, edge, memory, &view, [y.start, z.start], work, take)?;
                 }
                 if self.pyramid.coarsest > 0 {
                     let blocks = blocks(&self.pyramid, edge, &view, [y.start, z.start]);
@@ -149,7 +149,7 @@ impl Budget {
         // Bricks that are worked on: their samples, payloads, decoded copies; and what does not depend on any size.
         let threads = rayon::current_num_threads() as u64;
         let brick = dense_len(Extent::cube(edge).min(fine), t)?;
-        let in_work = threads * (2 * bricks_per_thread(brick) + 2) as u64 * brick as u64;
+        let in_work = threads * (2 * bricks_per_thread(brick, source.memory) + 2) as u64 * brick as u64;
         let memory = source.memory.saturating_sub(in_work).max(source.memory / 4);
         if source.reader.as_view().is_some() {
             // The source itself is in memory: what is added is small beside it.
@@ -210,7 +210,7 @@ impl Slab {
                 SlabBuffer::Memory(memory) => {
                     let extent = Extent { z: depth, ..e };
                     let view = View::dense(&memory.as_slice()[..dense_len(extent, t)?], extent, t);
-                    bricks(at, edge, &view, [0, z.start], work, take)?;
+                    bricks(at, edge, source.memory, &view, [0, z.start], work, take)?;
                 }
                 file @ SlabBuffer::File(_) => {
                     let row = e.x as usize * t.bytes();
@@ -221,7 +221,15 @@ impl Slab {
                         for (dz, out) in planes.enumerate() {
                             file.read((dz * e.y as usize + y as usize) * row, out)?;
                         }
-                        bricks(at, edge, &View::dense(strip.as_slice(), extent, t), [y, z.start], work, take)?;
+                        bricks(
+                            at,
+                            edge,
+                            source.memory,
+                            &View::dense(strip.as_slice(), extent, t),
+                            [y, z.start],
+                            work,
+                            take,
+                        )?;
                     }
                 }
             }

@@ -13,10 +13,13 @@ use rayon::prelude::*;
 use std::ops::Range;
 use std::path::PathBuf;
 
-/// Bricks that are worked on at a time, per thread: bounds the payloads that wait to be written.
-const PER_THREAD: usize = 4;
-/// Bytes of samples that are worked on at a time, per thread, where bricks are large. At least one brick.
-const BYTES_PER_THREAD: usize = 16 << 20;
+/// Bricks that are worked on at a time, per thread, at most: few bound the payloads that wait to be written, many keep all
+/// threads busy although bricks differ in what they cost.
+const PER_THREAD: usize = 16;
+/// Bytes of samples that are worked on at a time, per thread, at most. At least one brick.
+const BYTES_PER_THREAD: u64 = 16 << 20;
+/// Where memory is short: one part in this many for each thread.
+const MEMORY_PART: u64 = 64;
 
 /// What is encoded: a volume or a series, and how its levels are made.
 pub(super) struct Source<'a> {
@@ -102,15 +105,17 @@ impl Source<'_> {
     }
 }
 
-/// How many bricks a thread works on at a time, where they hold this many bytes of samples.
-pub(super) fn bricks_per_thread(brick_bytes: usize) -> usize {
-    (BYTES_PER_THREAD / brick_bytes).clamp(1, PER_THREAD)
+/// How many bricks a thread works on at a time, where they hold this many bytes of samples each.
+pub(super) fn bricks_per_thread(brick_bytes: usize, memory: u64) -> usize {
+    let bytes = BYTES_PER_THREAD.min(memory / MEMORY_PART);
+    usize::try_from(bytes / brick_bytes as u64).unwrap_or(usize::MAX).clamp(1, PER_THREAD)
 }
 
 /// Works on all bricks of `view`, which starts at row `start[0]` and plane `start[1]` of its level and at brick borders.
 pub(super) fn bricks<R: Send>(
     at: At,
     edge: u32,
+    memory: u64,
     view: &View<'_>,
     start: [u32; 2],
     work: &(impl Fn(Place, View<'_>) -> Result<R> + Sync),
@@ -121,9 +126,10 @@ pub(super) fn bricks<R: Send>(
     let brick_bytes = dense_len(Extent::cube(edge).min(e), view.sample_type)?;
     let local: Vec<[u32; 2]> = (0..across.y).flat_map(|y| (0..across.x).map(move |x| [x, y])).collect();
     let place = |[x, y]: [u32; 2]| Place { at, brick: [x, start[0] / edge + y, start[1] / edge] };
-    for group in local.chunks(bricks_per_thread(brick_bytes) * rayon::current_num_threads()) {
+    for group in local.chunks(bricks_per_thread(brick_bytes, memory) * rayon::current_num_threads()) {
         let results: Vec<Result<R>> = group
             .par_iter()
+            .with_max_len(1)
             .map(|&brick| {
                 let region = Region::at([brick[0] * edge, brick[1] * edge, 0], Extent::cube(edge));
                 work(place(brick), view.sub(&region.intersect(&Region::whole(e))))
