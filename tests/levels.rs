@@ -286,3 +286,18 @@ fn one_step_reads_its_own_bricks_only() {
     let cost = volume.cost();
     assert!(cost.bytes < payload * 3 / 2, "{cost:?} for {payload} bytes of one step; ten are {}", payload * 10);
 }
+
+#[test] // D-57: far from the origin and finely spaced: nothing is lost in the file, and levels and parts move by what they should
+fn a_tiny_volume_far_away_stays_where_it_is() {
+    let placement = vug::affine::Placement::from_spacing([1e-6; 3], [1e9, -1e9, 1e9]);
+    let options = EncodeOptions { placement: placement.clone(), ..options(CodecChoice::Raw, Downsample::Mean) };
+    let volume = open(encode(&mut grid(blobs), &options).0);
+    assert_eq!(
+        volume.info().placement.matrix.map(|r| r.map(f64::to_bits)),
+        placement.matrix.map(|r| r.map(f64::to_bits))
+    );
+    let step = 1e9f64.next_up() - 1e9;
+    let coarse = volume.info().placement.moved(3, [4, 0, 0]);
+    assert!((coarse.origin()[0] - 1e9 - 35.5e-6).abs() <= step && coarse.spacing()[0] == 8e-6, "{:?}", coarse.origin());
+    assert!(step < 0.2e-6, "a fifth of a voxel: what f64 leaves of it; f32 would leave none");
+}

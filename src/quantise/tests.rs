@@ -259,7 +259,8 @@ fn a_tally_keeps_within_its_bound() {
         assert_eq!(few, tally(&mut vectors.iter().rev(), most), "the order shows");
         // The middle of what was dropped stands for it.
         let mean = |h: &Histogram| h.entries().iter().map(|e| f64::from(e.vector[0]) * e.count as f64).sum::<f64>();
-        assert!((mean(&few) - mean(&all)).abs() / (all.total() as f64) < 300.0);
+        let off = (mean(&few) - mean(&all)).abs() / all.total() as f64;
+        assert!(most < 1000 || off < 20.0, "{off} for {most}");
     }
     assert_eq!(tally(&mut vectors.iter(), all.len()), all, "as many as there are: nothing is dropped");
 }

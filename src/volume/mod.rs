@@ -67,6 +67,7 @@ mod plane_cache;
 mod pyramid;
 mod reduced;
 mod region;
+mod report;
 mod salvage;
 mod selection;
 mod shortcut;
@@ -87,11 +88,12 @@ pub use encode::{Progress, encode, encode_log};
 pub use open::Volume;
 pub use options::{Bound, CodecChoice, EncodeOptions, NonFinite, Quality, ZerobitOptions};
 pub use plane_cache::PlaneSampler;
+pub use report::EncodeReport;
 pub use salvage::{LostBrick, Salvaged};
 pub use selection::Selection;
 pub use verify::{VerifyReport, verify};
 pub use voxels::Sampler;
-pub use writer::{EncodeReport, Shape, VolumeWriter};
+pub use writer::{Shape, VolumeWriter};
 
 /// Which tree and level of detail is meant: time step, channel and LOD. The default is the first of each, the finest.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
