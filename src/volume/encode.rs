@@ -2,10 +2,11 @@
 
 use super::choose::choose;
 use super::options::{CodecChoice, EncodeOptions, Quality};
+use super::report::EncodeReport;
 use super::selection::Selected;
 use super::slabs::{Place, Source, Walk};
 use super::spool::Spooled;
-use super::writer::{EncodeReport, Shape, VolumeWriter, null_sample};
+use super::writer::{Shape, VolumeWriter, null_sample};
 use super::zerobit::Encoding;
 use crate::codec::Codec;
 use crate::codec::zerobit::Book;
