@@ -67,7 +67,7 @@ fn memory_is_kept_within() {
     for (memory, jobs, codec) in [
         (256 * MIB, 2, CodecChoice::S3dc),
         (48 * MIB, 2, CodecChoice::S3dc),
-        (32 * MIB, 1, CodecChoice::S3dc),
+        (40 * MIB, 1, CodecChoice::S3dc),
         (48 * MIB, 2, CodecChoice::Raw),
     ] {
         let temp_dir = tempfile::tempdir().unwrap();

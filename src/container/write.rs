@@ -87,7 +87,7 @@ impl<W: Write + Seek> FileWriter<W> {
             octree: Octree::new(descriptor)?,
             nodes: NodeStore::default(),
             order: Vec::new(),
-            buffer: Some(Vec::new()),
+            buffer: Some(Vec::with_capacity(COMPACT_BYTES as usize)),
             cursor: 0,
             stored_bytes: 0,
         })

@@ -51,7 +51,7 @@ fn open(
     options: &ImportOptions,
 ) -> Result<Import> {
     let header = json!({ "format": "raw" });
-    let mut pipe = Pipe { stream, path: path.to_owned(), stored, layout, volume: 0, plane: 0, delivered: 0 };
+    let mut pipe = Pipe { stream, path: path.to_owned(), stored, layout, volume: 0, plane: 0, row: 0, delivered: 0 };
     if let Some(native) = stored.kind.native().filter(|n| options.dtype.is_none_or(|t| t == *n)) {
         let opened = super::payload::Opened { reader: Box::new(Planes { pipe, native }), streamed: true, spooled: 0 };
         return Ok(Import::plain(opened, Format::Raw, header));
@@ -74,6 +74,8 @@ struct Pipe {
     volume: u64,
     /// Its next plane.
     plane: u32,
+    /// The next row of that plane.
+    row: u32,
     /// Bytes that have come.
     delivered: u64,
 }
@@ -122,11 +124,11 @@ struct Planes {
 
 impl Planes {
     fn out_of_order(&self, wanted: impl std::fmt::Display) -> Error {
-        let Pipe { path, layout, volume, plane, .. } = &self.pipe;
+        let Pipe { path, layout, volume, plane, row, .. } = &self.pipe;
         let channels = u64::from(layout.channels);
         let message = format!(
-            "{}: {wanted} is wanted, but a pipe delivers its planes once and in order, and plane {plane} of time step {}, \
-             channel {} comes next",
+            "{}: {wanted} is wanted, but a pipe delivers its planes once and in order, and row {row} of plane {plane} of time \
+             step {}, channel {} comes next",
             path.display(),
             volume / channels,
             volume % channels
@@ -145,23 +147,30 @@ impl SlabReader for Planes {
     }
 
     fn read_slab(&mut self, z: Range<u32>, out: &mut [u8]) -> Result<()> {
+        self.read_rows(z, 0..self.pipe.layout.extent.y, out)
+    }
+
+    fn read_rows(&mut self, z: Range<u32>, y: Range<u32>, out: &mut [u8]) -> Result<()> {
         let e = self.pipe.layout.extent;
-        let samples = u64::from(e.x) * u64::from(e.y) * u64::from(z.end.saturating_sub(z.start));
-        if z.end > e.z || out.len() as u64 != samples * self.native.bytes() as u64 {
-            let message = format!("planes {z:?} of {e} into {} bytes", out.len());
+        let (rows, planes) = (y.end.saturating_sub(y.start), z.end.saturating_sub(z.start));
+        let samples = u64::from(e.x) * u64::from(rows) * u64::from(planes);
+        if z.end > e.z || y.end > e.y || out.len() as u64 != samples * self.native.bytes() as u64 {
+            let message = format!("rows {y:?} of planes {z:?} of {e} into {} bytes", out.len());
             return Err(Error::new(Code::Range, "z", message));
         }
-        if z.is_empty() {
+        if samples == 0 {
             return Ok(());
         }
-        if z.start != self.pipe.plane {
-            return Err(self.out_of_order(format_args!("plane {}", z.start)));
+        // Parts of several planes do not follow each other.
+        let follows = planes == 1 || rows == e.y;
+        if (z.start, y.start) != (self.pipe.plane, self.pipe.row) || !follows {
+            return Err(self.out_of_order(format_args!("row {} of plane {}", y.start, z.start)));
         }
         self.pipe.fill(out)?;
         to_native(self.pipe.stored, out);
-        self.pipe.plane = z.end;
+        (self.pipe.plane, self.pipe.row) = if y.end == e.y { (z.end, 0) } else { (z.start, y.end) };
         let volumes = u64::from(self.pipe.layout.time_steps) * u64::from(self.pipe.layout.channels);
-        if z.end == e.z && self.pipe.volume + 1 == volumes {
+        if self.pipe.plane == e.z && self.pipe.volume + 1 == volumes {
             self.pipe.check_end()?;
         }
         Ok(())
@@ -222,6 +231,23 @@ mod tests {
             assert_eq!(out, *bytes[i * 6..][..6].as_array().unwrap());
         }
         assert_eq!(reader.turn_to(2, 0).unwrap_err().code(), Code::Range);
+    }
+
+    #[test]
+    fn rows_come_in_order_too() {
+        let layout = Layout::series(Path::new("-"), "shape", Extent::new(2, 3, 2), (1, 1), Kind::U8).unwrap();
+        let bytes: Vec<u8> = (0..12).collect();
+        let stream = Box::new(std::io::Cursor::new(bytes.clone()));
+        let mut import = open(Path::new("-"), stream, Kind::U8.into(), layout, &ImportOptions::default()).unwrap();
+        let (reader, mut out) = (&mut import.reader, [0; 12]);
+        reader.read_rows(0..1, 0..2, &mut out[..4]).unwrap();
+        for (z, y) in [(0..1, 1..2), (1..2, 2..3), (0..2, 2..3)] {
+            let len = 2 * z.len() * y.len();
+            assert_eq!(reader.read_rows(z, y, &mut [0; 4][..len]).unwrap_err().code(), Code::Range);
+        }
+        reader.read_rows(0..1, 2..3, &mut out[4..6]).unwrap();
+        reader.read_slab(1..2, &mut out[6..]).unwrap();
+        assert_eq!(out[..], bytes);
     }
 
     #[test]

@@ -81,6 +81,20 @@ impl AtomicFile {
     /// # Errors
     /// `E_SOURCE`, or `E_PARAM` where the name was taken meanwhile; the destination is then what it was before.
     pub fn commit(mut self) -> Result<()> {
+        self.publish()
+    }
+
+    /// As [`AtomicFile::commit`], but the file stays open, and locked, for more to be written.
+    ///
+    /// # Errors
+    /// As [`AtomicFile::commit`]; `E_SOURCE` where it has been parked.
+    pub fn commit_open(mut self) -> Result<File> {
+        self.publish()?;
+        let closed = || Error::new(Code::Source, "path", "the file is closed");
+        self.file.take().ok_or_else(closed)
+    }
+
+    fn publish(&mut self) -> Result<()> {
         let fail = |e| Error::io(format!("cannot write {}", self.destination.display()), e);
         if let Some(file) = &mut self.file {
             file.flush().map_err(fail)?;
@@ -99,7 +113,7 @@ impl AtomicFile {
         }
         self.committed = true;
         // The new name itself must survive a power cut, too. Folders cannot be opened everywhere: best effort.
-        if let Some(Ok(folder)) = self.destination.parent().map(File::open) {
+        if let Ok(folder) = File::open(folder_of(&self.destination)) {
             let _ = folder.sync_all();
         }
         Ok(())
@@ -157,11 +171,16 @@ fn exists(path: &Path) -> Error {
     Error::param("path", format!("{} exists; choose another name, or allow overwriting (--force)", path.display()))
 }
 
+/// The folder that a file lies in; a bare name lies in the current one.
+fn folder_of(path: &Path) -> &Path {
+    path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
 fn split(path: &Path) -> Result<(PathBuf, String)> {
     let name = path
         .file_name()
         .ok_or_else(|| Error::new(Code::Source, "path", format!("{} names no file", path.display())))?;
-    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let folder = folder_of(path);
     // File systems take 255 bytes: a long name is shortened, the temporary one has more to say.
     let mut name = name.to_string_lossy().into_owned();
     while name.len() > 200 {

@@ -7,6 +7,7 @@ mod atomic;
 #[cfg(feature = "cloud")]
 mod cloud;
 mod file;
+mod growing;
 #[cfg(feature = "http")]
 mod http;
 mod memory;
@@ -18,6 +19,7 @@ pub use atomic::AtomicFile;
 #[cfg(feature = "cloud")]
 pub use cloud::{CloudOptions, CloudSource};
 pub use file::FileSource;
+pub use growing::GrowingFile;
 #[cfg(feature = "http")]
 pub use http::{HttpOptions, HttpSource, Stopper};
 pub use memory::MemorySource;

@@ -8,7 +8,7 @@ use super::At;
 use super::bricks::{Claim, Found, Payload, Pool};
 use super::codecs::Entry;
 use super::open::Volume;
-use crate::container::NodeKind;
+use crate::container::{NodeFlags, NodeKind};
 use crate::error::{Code, Error, Result};
 use crate::geometry::{Coord, Extent, Region};
 use crate::source::side_by_side;
@@ -25,10 +25,12 @@ pub(super) const MERGE_MAX: u64 = 2 << 20;
 /// Stored bytes from which on a group is complete: work for all connections to a distant source, and little enough that
 /// decoding begins soon.
 const GROUP_BYTES: u64 = 12 << 20;
+/// Bytes of inflated payloads from which on a group is complete: what is stored can be a thousandth of it.
+const GROUP_INFLATED: u64 = 64 << 20;
 /// Bricks from which on a group is complete, where next to nothing is stored.
 const GROUP_BRICKS: usize = 1 << 16;
 /// Payload bytes held in copies at a time while a region is read.
-const STAGE_BYTES: u64 = 256 << 20;
+pub(super) const STAGE_BYTES: u64 = 256 << 20;
 
 /// What fills a part of the region.
 pub(super) enum Content<'a> {
@@ -122,15 +124,19 @@ impl Volume {
         let log2 = self.info().brick_log2;
         let [bx, by] = [0, 1].map(|a| [region.start[a] >> log2, (region.end[a] - 1) >> log2]);
         let mut parts = Vec::new();
-        let (mut stored, mut end) = (0u64, z);
-        while end < region.end[2] && stored < GROUP_BYTES && parts.len() < GROUP_BRICKS {
+        let (mut stored, mut inflated, mut end) = (0u64, 0u64, z);
+        let more = |stored, inflated, parts| stored < GROUP_BYTES && inflated < GROUP_INFLATED && parts < GROUP_BRICKS;
+        while end < region.end[2] && more(stored, inflated, parts.len()) {
             let bz = end >> log2;
             self.load_pages(tree, at.lod, [bx[0], by[0], bz], [bx[1], by[1], bz])?;
             for y in by[0]..=by[1] {
                 for x in bx[0]..=bx[1] {
                     let part = self.part(at, tree, [x, y, bz], region)?;
-                    if let Content::Stored { .. } = part.content {
+                    if let Content::Stored { layout, .. } = part.content {
                         stored += u64::from(part.found.node().stored_len);
+                        if part.found.node().flags.contains(NodeFlags::ZSTD) {
+                            inflated = inflated.saturating_add(self.codecs.layout(layout).payload_lens[1]);
+                        }
                     }
                     parts.push(part);
                 }

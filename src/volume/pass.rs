@@ -125,6 +125,8 @@ impl Pass {
     }
 }
 
+/// What writers hold whatever the volume; an eighth of the memory at most is set apart for it.
+const FIXED_BYTES: u64 = 8 << 20;
 /// Where not everything fits, one part in this many is for slabs of coarser levels.
 const COARSE_SHARE: u64 = 4;
 
@@ -150,7 +152,8 @@ impl Budget {
         let threads = rayon::current_num_threads() as u64;
         let brick = dense_len(Extent::cube(edge).min(fine), t)?;
         let in_work = threads * (2 * bricks_per_thread(brick, source.memory) + 2) as u64 * brick as u64;
-        let memory = source.memory.saturating_sub(in_work).max(source.memory / 4);
+        let fixed = FIXED_BYTES.min(source.memory / 8);
+        let memory = source.memory.saturating_sub(in_work + fixed).max(source.memory / 4);
         if source.reader.as_view().is_some() {
             // The source itself is in memory: what is added is small beside it.
             return Ok(Budget { memory, fits: coarse <= memory, rows: brick_rows, is_split: false, strip_bytes: 0 });

@@ -1,7 +1,7 @@
 //! Reading boxes: regions, planes, blocks, bricks, whole levels.
 
 use super::bricks::Pool;
-use super::fetch::{Ahead, Content, Part, Stage};
+use super::fetch::{Ahead, Content, Part, STAGE_BYTES, Stage};
 use super::open::Volume;
 use super::{At, Axis};
 use crate::codec::{BrickPart, Codec, Stores, zerobit};
@@ -120,6 +120,31 @@ impl Volume {
                 ),
             ));
         }
+        let mut dst = dst;
+        let rows = self.rows_at_a_time(at, &region);
+        let mut y = region.start[1];
+        while y < region.end[1] {
+            // Rows of bricks begin at multiples of their edge, wherever the region does.
+            let end = ((y >> self.info().brick_log2).saturating_add(rows) << self.info().brick_log2).min(region.end[1]);
+            let strip =
+                Region { start: [region.start[0], y, region.start[2]], end: [region.end[0], end, region.end[2]] };
+            let start = [0, y - region.start[1], 0];
+            self.read_strip(at, strip, dst.sub(&Region::at(start, strip.extent())))?;
+            y = end;
+        }
+        Ok(())
+    }
+
+    /// Rows of bricks of a region that are read at a time: all, unless a layer of it would not fit the staging budget.
+    fn rows_at_a_time(&self, at: At, region: &Region) -> u32 {
+        let log2 = self.info().brick_log2;
+        let level = self.head.octree.levels[usize::from(at.lod)].extent;
+        let brick = Extent::cube(1 << log2).min(level).voxels() * self.info().sample_type.bytes() as u64;
+        let across = u64::from((region.end[0] - 1) >> log2) - u64::from(region.start[0] >> log2) + 1;
+        u32::try_from((STAGE_BYTES / (across * brick)).max(1)).unwrap_or(u32::MAX >> 8).min(u32::MAX >> 8)
+    }
+
+    fn read_strip(&self, at: At, region: Region, dst: ViewMut<'_>) -> Result<()> {
         if self.source.connections() > 1 {
             return self.read_ahead(at, region, dst);
         }

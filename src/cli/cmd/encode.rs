@@ -11,13 +11,12 @@ use crate::codec::s3dc::Endpoints;
 use crate::codec::zerobit;
 use crate::container::Downsample;
 use crate::convert::{Format, ImportOptions, Kind};
-use crate::error::{Code, Error, Result};
+use crate::error::{Error, Result};
 use crate::geometry::Extent;
-use crate::source::AtomicFile;
+use crate::source::{AtomicFile, GrowingFile};
 use crate::volume::{self, CodecChoice, EncodeOptions, EncodeReport, NonFinite, Quality, Selection, ZerobitOptions};
 use crate::voxel::SampleType;
 use serde_json::{Value, json};
-use std::fs::{File, OpenOptions, TryLockError};
 use std::path::Path;
 
 /// What zerobit keeps where nothing else is said, in millionths.
@@ -35,9 +34,13 @@ pub(super) fn run(args: &Encode) -> Result<Verdict> {
     if args.codec.is_none() && !is_zerobit(args) && source.reader.sample_type() == SampleType::Rgb8 {
         options.codec = CodecChoice::Auto; // s3dc is for scalars
     }
-    let labels = args.labels || (source.labels && args.codec.is_none() && !is_zerobit(args) && !has_bound(args));
+    let labels = args.labels || source.labels;
     if labels {
-        (options.codec, options.downsample) = (CodecChoice::Raw, Downsample::Nearest);
+        options.downsample = Downsample::Nearest;
+        // Who asks for another codec by name gets it.
+        if args.labels || !(args.codec.is_some() || is_zerobit(args) || has_bound(args)) {
+            options.codec = CodecChoice::Raw;
+        }
     }
     if let Some(operator) = args.downsample {
         options.downsample = downsample(operator);
@@ -61,10 +64,10 @@ pub(super) fn run(args: &Encode) -> Result<Verdict> {
     let report = if to_stdout {
         volume::encode_log(reader, std::io::stdout().lock(), &options, &mut advance)?
     } else if args.log {
-        // Under its own name from the start: what a log has committed can be read while it grows.
-        let mut file = new_log(&args.target, args.force)?;
+        // Under its own name as soon as there is something to read, not in the end.
+        let mut file = GrowingFile::create(&args.target, args.force)?;
         let report = volume::encode_log(reader, &mut file, &options, &mut advance)?;
-        file.sync_all().map_err(|e| Error::io(args.target.display(), e))?;
+        file.finish()?;
         report
     } else {
         let mut file = AtomicFile::create(&args.target, args.force)?;
@@ -98,23 +101,6 @@ pub(super) fn run(args: &Encode) -> Result<Verdict> {
 
 fn is_stdout(target: &Path) -> bool {
     target == Path::new("-")
-}
-
-/// A new file, or one that may be overwritten; locked, so that nobody appends to what is not finished.
-fn new_log(path: &Path, force: bool) -> Result<File> {
-    AtomicFile::check(path, force)?;
-    let fail = |e| Error::io(path.display(), e);
-    let mut options = OpenOptions::new();
-    options.write(true);
-    let options = if force { options.create(true).truncate(false) } else { options.create_new(true) };
-    let file = options.open(path).map_err(fail)?;
-    if let Err(TryLockError::WouldBlock) = file.try_lock() {
-        let message = format!("another process is writing to {}; wait until it is done", path.display());
-        return Err(Error::new(Code::Source, "path", message));
-    }
-    // Only now: it may have been somebody's.
-    file.set_len(0).map_err(fail)?;
-    Ok(file)
 }
 
 /// How a mask is read: `--shape` and `--dtype` are for the source. A raw mask has its shape, and a byte per voxel.
