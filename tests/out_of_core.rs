@@ -11,7 +11,7 @@ use vug::codec::Codec;
 use vug::grid::SlabReader;
 use vug::limits::Limits;
 use vug::source::FileSource;
-use vug::volume::{At, CodecChoice, EncodeOptions, Shape, Volume, VolumeWriter, encode, verify};
+use vug::volume::{At, Axis, CodecChoice, EncodeOptions, Shape, Volume, VolumeWriter, encode, verify};
 use vug::{Extent, Grid, Region, SampleType};
 
 const MIB: usize = 1 << 20;
@@ -144,4 +144,38 @@ fn a_volume_of_2_to_the_48_voxels_costs_kilobytes() {
     let (checked, heap) = peak(|| verify(&FileSource::open(&path).unwrap(), &Limits::default(), &mut |_, _| {}));
     assert!(checked.is_ok(), "{:?}", checked.errors);
     assert!(heap < 6 * MIB, "{heap} bytes to verify");
+}
+
+#[test] // a plane may touch bricks whose payloads inflate to a thousand times what is stored
+fn planes_are_read_within_bounds() {
+    let _alone = ALONE.lock().unwrap_or_else(|e| e.into_inner());
+    /// Stripes: nothing is constant, and zstd leaves next to nothing of it.
+    struct Stripes(Extent);
+    impl SlabReader for Stripes {
+        fn extent(&self) -> Extent {
+            self.0
+        }
+        fn sample_type(&self) -> SampleType {
+            SampleType::U8
+        }
+        fn read_slab(&mut self, _: Range<u32>, out: &mut [u8]) -> vug::Result<()> {
+            out.iter_mut().enumerate().for_each(|(i, v)| *v = (i & 1) as u8);
+            Ok(())
+        }
+    }
+    let extent = Extent::new(64, 4096, 2048);
+    let mut out = std::io::Cursor::new(Vec::new());
+    let options = EncodeOptions { codec: CodecChoice::Raw, ..EncodeOptions::default() };
+    encode(&mut Stripes(extent), &mut out, &options, &mut |_, _| {}).unwrap();
+    let bytes = out.into_inner();
+    assert!(bytes.len() < 2 * MIB, "{}", bytes.len());
+    let limits = Limits { cache_bytes: 8 << 20, ..Limits::default() };
+    let volume = Volume::open(vug::source::MemorySource(bytes), limits).unwrap();
+    // Across x: 64 layers of 64 bricks. Across z: one layer of 64, decoded at once.
+    for (axis, bound) in [(Axis::X, 260 * MIB), (Axis::Z, 40 * MIB)] {
+        let (plane, heap) = peak(|| volume.plane(At::default(), axis, 1).unwrap());
+        println!("{axis:?}: {:.0} MiB of heap, {} allowed", heap as f64 / MIB as f64, bound / MIB);
+        assert_eq!(plane.range(), Some(if axis == Axis::X { (1.0, 1.0) } else { (0.0, 1.0) }));
+        assert!(heap < bound, "{axis:?}: {heap}, of {} MiB in all", extent.voxels() as usize / MIB);
+    }
 }

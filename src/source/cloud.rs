@@ -1,7 +1,7 @@
 //! A source in an object store: S3, Google Cloud Storage, Azure Blob Storage and what speaks their languages.
 
 use super::url::shown;
-use super::{ByteSource, check_range};
+use super::{ByteSource, check_range, fill_from};
 use crate::error::{Code, Error, Result};
 use crate::limits::HEAD_BYTES;
 use object_store::aws::AmazonS3Builder;
@@ -196,14 +196,7 @@ impl ByteSource for CloudSource {
 
     fn read_at(&self, offset: u64, out: &mut [u8]) -> Result<()> {
         check_range(offset, out.len(), self.meta.size)?;
-        let kept = usize::try_from(offset).ok().and_then(|start| self.head.get(start..start + out.len()));
-        match kept {
-            Some(bytes) => {
-                out.copy_from_slice(bytes);
-                Ok(())
-            }
-            None => self.fetch(offset, out),
-        }
+        if fill_from(&self.head, offset, out) { Ok(()) } else { self.fetch(offset, out) }
     }
 
     fn read_fresh(&self, offset: u64, out: &mut [u8]) -> Result<()> {

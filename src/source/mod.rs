@@ -108,6 +108,13 @@ fn check_range(offset: u64, len: usize, source_len: u64) -> Result<()> {
     }
 }
 
+/// Fills `out` from the bytes of a file's start, if all of it lies in them.
+#[cfg(any(feature = "http", feature = "cloud"))]
+fn fill_from(start: &[u8], offset: u64, out: &mut [u8]) -> bool {
+    let part = usize::try_from(offset).ok().and_then(|from| start.get(from..from.checked_add(out.len())?));
+    part.inspect(|bytes| out.copy_from_slice(bytes)).is_some()
+}
+
 /// The part of a slice that a read wants.
 fn slice_range(bytes: &[u8], offset: u64, len: usize) -> Result<&[u8]> {
     check_range(offset, len, bytes.len() as u64)?;

@@ -93,7 +93,15 @@ pub(super) fn run(args: &Encode) -> Result<Verdict> {
         println!("volume      {extent} {sample_type} (x, y, z){trees}");
         print!("{}", report_text(&report));
     }
-    for note in report.notes.iter().filter(|_| !args.common.quiet) {
+    let mut notes = report.notes;
+    if source.labels && !args.labels {
+        let how = if report.codec == "raw" { "stored without loss, " } else { "" };
+        let levels = if args.levels == 1 { "" } else { "coarser levels take the nearest voxel" };
+        let levels = if options.downsample == Downsample::Mean { "yet coarser levels mix them" } else { levels };
+        let what = format!("{how}{levels}");
+        notes.push(format!("the source says that it holds labels: {}", what.trim_end_matches(", ")));
+    }
+    for note in notes.iter().filter(|_| !args.common.quiet) {
         eprintln!("note: {note}");
     }
     Ok(Verdict::Ok)

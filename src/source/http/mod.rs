@@ -4,7 +4,7 @@ mod reply;
 mod retry;
 
 use super::url::shown;
-use super::{ByteSource, check_range};
+use super::{ByteSource, check_range, fill_from};
 use crate::error::{Code, Error, Result};
 use crate::limits::HEAD_BYTES;
 use reply::{Identity, content_range, status_failure, transport_failure, unsatisfied_len};
@@ -58,7 +58,8 @@ impl Default for HttpOptions {
 ///
 /// Opening asks for the first 16 KiB, which say how long the file is, and keeps them; every other read is one request for
 /// exactly its bytes, over connections that are kept open. Each answer is held against the question: status, range, total
-/// length, entity tag or date. Another version of the file is `E_REPLACED`, never a mixture of bytes.
+/// length, entity tag or date. Another version of the file is `E_REPLACED`, as far as the server tells versions apart; where it
+/// gives neither tag nor date, and the lengths are the same, the checksums of the file find out (spec: VAL-6).
 ///
 /// Proxies are taken from `ALL_PROXY`, `HTTPS_PROXY`, `HTTP_PROXY` and `NO_PROXY`. A user and password in the address are
 /// sent as basic authentication and never shown.
@@ -354,14 +355,7 @@ impl ByteSource for HttpSource {
 
     fn read_at(&self, offset: u64, out: &mut [u8]) -> Result<()> {
         check_range(offset, out.len(), self.identity.len)?;
-        let kept = usize::try_from(offset).ok().and_then(|start| self.head.get(start..start + out.len()));
-        match kept {
-            Some(bytes) => {
-                out.copy_from_slice(bytes);
-                Ok(())
-            }
-            None => self.fetch(offset, out),
-        }
+        if fill_from(&self.head, offset, out) { Ok(()) } else { self.fetch(offset, out) }
     }
 
     fn read_fresh(&self, offset: u64, out: &mut [u8]) -> Result<()> {
