@@ -15,11 +15,21 @@ use std::process::ExitCode;
 
 /// Runs the program with the process's arguments.
 ///
-/// Exit codes: 0 fine; 1 a result is over its bound, or bricks were lost; 2 wrong usage; 3 unreadable or corrupt input.
+/// Exit codes: 0 fine; 1 a result is over its bound, or bricks were lost; 2 wrong usage; 3 a file is unreadable or corrupt, or cannot be written.
 #[must_use]
 pub fn main() -> ExitCode {
     end_quietly_with_the_reader();
-    let args = args::Vug::parse(); // exits with 2 where it cannot
+    let args = match args::Vug::try_parse() {
+        Ok(args) => args,
+        Err(error) => {
+            if error.use_stderr() && std::env::args_os().any(|a| a == "--json") {
+                let message = error.to_string();
+                let error = crate::Error::param("arguments", message.trim_end());
+                println!("{}", serde_json::json!({ "error": output::error_json(&error) }));
+            }
+            error.exit() // 2, or 0 after help and version
+        }
+    };
     let common = args.command.common().clone();
     let jobs = common.jobs.unwrap_or(0);
     // 0 threads means one per core.

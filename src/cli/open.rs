@@ -17,5 +17,17 @@ pub(super) fn open_source(path: &Path) -> Result<Box<dyn ByteSource>> {
 
 /// Opens a volume.
 pub(super) fn open_volume(path: &Path) -> Result<Volume> {
-    Volume::open(open_source(path)?, Limits::default())
+    let volume = Volume::open(open_source(path)?, Limits::default())?;
+    tell_unfinished(&volume);
+    Ok(volume)
+}
+
+/// Says on stderr that a log has no end: what is not in its last commit reads as the null value.
+pub(super) fn tell_unfinished(volume: &Volume) {
+    let behind = volume.head().unfinished();
+    if behind > 0 {
+        eprintln!(
+            "note: the log is unfinished: {behind} bytes follow its last commit. Bricks that no commit has read as the null value; `vug recover` saves what is whole"
+        );
+    }
 }

@@ -45,6 +45,11 @@ pub(super) fn psnr_text(psnr: Option<f64>, identical: bool) -> String {
     }
 }
 
+/// A number that may be tiny, for people.
+pub(super) fn small_text(v: f64) -> String {
+    if v == 0.0 || v.abs() >= 0.01 { format!("{v:.6}") } else { format!("{v:.4e}") }
+}
+
 /// A number of bytes for people.
 pub(super) fn bytes_text(bytes: u64) -> String {
     match bytes {
@@ -61,6 +66,20 @@ pub(super) fn progress(quiet: bool, what: &str) -> ProgressBar {
     }
     let style = ProgressStyle::with_template("{msg} {bar:40} {percent:>3} % {elapsed}, {eta} left");
     ProgressBar::new(0).with_style(style.expect("a constant template")).with_message(what.to_owned())
+}
+
+/// Refuses a target that is the source itself, which would be lost, and standard output, where a file is written.
+///
+/// # Errors
+/// `E_PARAM`.
+pub(super) fn check_target(source: &Path, target: &Path) -> Result<()> {
+    if target == Path::new("-") {
+        return Err(Error::param("target", "this file cannot go to standard output; give it a name"));
+    }
+    if matches!((source.canonicalize(), target.canonicalize()), (Ok(a), Ok(b)) if a == b) {
+        return Err(Error::param("target", "the target is the source itself, which would be lost; give another name"));
+    }
+    Ok(())
 }
 
 /// Writes a whole file at once: it appears complete or not at all.

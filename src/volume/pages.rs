@@ -212,6 +212,8 @@ impl Pages {
                 Some(slots) => slots,
                 None => self.load_chunk(head, source, index)?,
             };
+            let ordinals: Vec<u64> = (first..first + slots.len() as u64).filter(|o| wanted(*o)).collect();
+            self.load(head, source, &ordinals)?;
             for (i, slot) in slots.iter().enumerate().filter(|(_, slot)| !slot.entry.is_empty()) {
                 let ordinal = first + i as u64;
                 if !wanted(ordinal) {

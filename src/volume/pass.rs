@@ -125,8 +125,8 @@ impl Pass {
     }
 }
 
-/// What writers hold whatever the volume; an eighth of the memory at most is set apart for it.
-const FIXED_BYTES: u64 = 8 << 20;
+/// What the program and its writers hold whatever the volume; a fifth of the memory at most is set apart for it.
+const FIXED_BYTES: u64 = 24 << 20;
 /// Where not everything fits, one part in this many is for slabs of coarser levels.
 const COARSE_SHARE: u64 = 4;
 
@@ -152,7 +152,7 @@ impl Budget {
         let threads = rayon::current_num_threads() as u64;
         let brick = dense_len(Extent::cube(edge).min(fine), t)?;
         let in_work = threads * (2 * bricks_per_thread(brick, source.memory) + 2) as u64 * brick as u64;
-        let fixed = FIXED_BYTES.min(source.memory / 8);
+        let fixed = FIXED_BYTES.min(source.memory / 5);
         let memory = source.memory.saturating_sub(in_work + fixed).max(source.memory / 4);
         if source.reader.as_view().is_some() {
             // The source itself is in memory: what is added is small beside it.
@@ -178,9 +178,10 @@ impl Budget {
         }
         if rows == 0 {
             let message = format!(
-                "a row of bricks takes {} bytes, more than there is for it of the {} that may be used; allow more memory (--memory) or take smaller bricks (--brick)",
+                "a row of bricks takes {} bytes, more than there is for it of the {} that may be used; allow more memory (--memory {}M will do) or take smaller bricks (--brick)",
                 held(1),
-                source.memory
+                source.memory,
+                (2 * (held(1) + in_work) >> 20) + 1
             );
             return Err(Error::new(Code::Limit, "memory", message));
         }

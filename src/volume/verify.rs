@@ -5,7 +5,7 @@ use super::codecs::check_codecs;
 use crate::codec::Codec;
 use crate::codec::zerobit::Book;
 use crate::container::NodeFlags;
-use crate::container::strict::{StoredBrick, Strict};
+use crate::container::strict::{Read, StoredBrick, Strict};
 use crate::error::{Error, Result};
 use crate::geometry::Region;
 use crate::limits::{self, Limits};
@@ -17,6 +17,12 @@ use std::sync::Arc;
 
 /// Bricks that are read and decoded at a time, per thread: bounds the memory.
 const PER_THREAD: usize = 4;
+/// More of them, as long as they take no more bytes than this in the file …
+const SHORT_BYTES: u64 = 4 << 20;
+/// … and are not more than this.
+const MOST_BRICKS: usize = 1024;
+/// Padding between neighbours that is read along.
+const MERGE_GAP: u64 = 512;
 
 /// What [`verify`] has found.
 #[derive(Debug)]
@@ -77,17 +83,12 @@ pub fn verify(source: &dyn ByteSource, limits: &Limits, progress: &mut dyn FnMut
     let mut good = 0;
     let all: Vec<StoredBrick> = strict.bricks().to_vec();
     let mut index = 0;
-    for group in all.chunks(PER_THREAD * rayon::current_num_threads()) {
+    let mut rest = &all[..];
+    while !rest.is_empty() {
+        let (group, later) = rest.split_at(group_len(rest, PER_THREAD * rayon::current_num_threads()));
+        rest = later;
         // Reading is left to one thread: a source may be a disk.
-        let windows: Vec<Result<Vec<u8>>> = group
-            .iter()
-            .map(|brick| {
-                let window = brick.window();
-                let len = usize::try_from(window.end - window.start).unwrap_or(usize::MAX);
-                limits::check("node.stored_len", len as u64, limits::MAX_BRICK_BYTES + 64)
-                    .and_then(|()| read(window.start, len))
-            })
-            .collect();
+        let windows = read_windows(group, &mut read);
         let found: Vec<Result<Checked>> = group
             .par_iter()
             .zip(windows)
@@ -112,6 +113,44 @@ pub fn verify(source: &dyn ByteSource, limits: &Limits, progress: &mut dyn FnMut
     }
     progress(bytes, bytes);
     VerifyReport { errors: strict.finish(&mut read), bricks: good, bytes }
+}
+
+/// How many bricks at the front are worked on at a time: `least`, or as many as are short.
+fn group_len(bricks: &[StoredBrick], least: usize) -> usize {
+    let mut bytes = 0;
+    let short = bricks.iter().take_while(|b| {
+        bytes += u64::from(b.node.stored_len);
+        bytes <= SHORT_BYTES
+    });
+    short.take(MOST_BRICKS).count().max(least).min(bricks.len())
+}
+
+/// Leader, payload and guard of bricks, those of neighbours by one read; where that fails, each alone, so that each has
+/// its own error.
+fn read_windows(group: &[StoredBrick], read: &mut Read<'_>) -> Vec<Result<Vec<u8>>> {
+    let mut windows = Vec::with_capacity(group.len());
+    for run in group.chunk_by(|a, b| b.window().start.saturating_sub(a.window().end) <= MERGE_GAP) {
+        let start = run[0].window().start;
+        let len = run[run.len() - 1].window().end.saturating_sub(start);
+        let merged = match usize::try_from(len) {
+            Ok(len) if run.len() > 1 && len as u64 <= 2 * SHORT_BYTES => read(start, len).ok(),
+            _ => None,
+        };
+        for brick in run {
+            let window = brick.window();
+            let len = usize::try_from(window.end - window.start).unwrap_or(usize::MAX);
+            let within = merged.as_ref().and_then(|bytes| {
+                let from = usize::try_from(window.start.checked_sub(start)?).ok()?;
+                bytes.get(from..from.checked_add(len)?)
+            });
+            windows.push(match within {
+                Some(bytes) => Ok(bytes.to_vec()),
+                None => limits::check("node.stored_len", len as u64, limits::MAX_BRICK_BYTES + 64)
+                    .and_then(|()| read(window.start, len)),
+            });
+        }
+    }
+    windows
 }
 
 /// The codebooks of section `CBOK`, none where there is no such section. // spec: ZBT-6, ZBT-34

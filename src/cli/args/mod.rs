@@ -19,7 +19,7 @@ use std::path::PathBuf;
 /// Compresses 3D volumes so that every voxel, plane, block, brick or region can be read alone.
 ///
 /// Axis order is x, y, z everywhere, x fastest. Exit codes: 0 fine, 1 a result is over its bound or bricks were lost,
-/// 2 wrong usage, 3 unreadable or corrupt input.
+/// 2 wrong usage, 3 a file is unreadable or corrupt, or cannot be written.
 #[derive(Parser)]
 #[command(name = "vug", version, propagate_version = true, after_help = EXAMPLES)]
 pub(in crate::cli) struct Vug {

@@ -2,7 +2,7 @@
 
 use crate::cli::args::{Common, Write};
 use crate::cli::open::open_volume;
-use crate::cli::output::{bytes_text, progress};
+use crate::cli::output::{bytes_text, check_target, progress};
 use crate::error::Result;
 use crate::source::AtomicFile;
 use crate::volume::{CopyOptions, CopyReport, Excerpt};
@@ -24,15 +24,10 @@ pub(super) struct Copy<'a> {
 
 /// Copies, and says what was copied; `notes` has remarks on the excerpt.
 pub(super) fn run(copy: &Copy<'_>, notes: impl Fn(&Excerpt<'_>) -> Vec<String>) -> Result<()> {
+    check_target(copy.source, copy.target)?;
     let volume = open_volume(copy.source)?;
     let excerpt = volume.excerpt(&CopyOptions { file_id: copy.write.file_id, ..copy.options.clone() })?;
-    let mut notes = notes(&excerpt);
-    let unfinished = volume.head().commit.map_or(0, |c| volume.file_len().saturating_sub(c.end));
-    if unfinished > 0 {
-        notes.push(format!(
-            "{unfinished} bytes behind the last commit, which a writer did not finish, are left out; `vug recover` saves what is whole of them"
-        ));
-    }
+    let notes = notes(&excerpt);
     let mut json = describe(&excerpt);
     let text = summary(&excerpt);
     let mut file = AtomicFile::create(copy.target, copy.write.force)?;

@@ -5,15 +5,15 @@ use crate::cli::args::{
     ZerobitArgs,
 };
 use crate::cli::fetch;
-use crate::cli::load::{check_import, import_options, load};
-use crate::cli::output::{Verdict, bytes_text, number, progress, psnr_text};
+use crate::cli::load::{check_import, import_options, is_vug, load};
+use crate::cli::output::{Verdict, bytes_text, check_target, number, progress, psnr_text, small_text};
 use crate::codec::s3dc::Endpoints;
 use crate::codec::zerobit;
 use crate::container::Downsample;
 use crate::convert::{Format, ImportOptions, Kind};
 use crate::error::{Error, Result};
 use crate::geometry::Extent;
-use crate::source::{AtomicFile, GrowingFile};
+use crate::source::{AtomicFile, GrowingFile, is_url};
 use crate::volume::{self, CodecChoice, EncodeOptions, EncodeReport, NonFinite, Quality, Selection, ZerobitOptions};
 use crate::voxel::SampleType;
 use serde_json::{Value, json};
@@ -119,9 +119,19 @@ fn of_mask(mask: &Path, shape: Extent) -> Import {
 
 /// What no codec would notice: a target that would destroy the source or mislead, options that have no effect.
 fn check(args: &Encode) -> Result<()> {
-    let same = |a: &Path, b: &Path| matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b);
-    if same(&args.source, &args.target) {
-        return Err(Error::param("target", "the target is the source itself, which would be lost; give another name"));
+    if !is_stdout(&args.target) {
+        check_target(&args.source, &args.target)?;
+    }
+    let is_local = !is_url(&args.source.to_string_lossy()) && !is_stdout(&args.source);
+    if is_local && !args.source.to_string_lossy().contains('#') {
+        std::fs::metadata(&args.source).map_err(|e| Error::io(args.source.display(), e))?;
+        if args.source.is_file() && is_vug(&args.source)? {
+            let message = format!(
+                "{} is a .vug file already: `vug repack`, `pack` and `extract` make others of it; to code it anew, decode it first",
+                args.source.display()
+            );
+            return Err(Error::param("source", message));
+        }
     }
     if is_stdout(&args.target) && args.common.json {
         return Err(Error::param("json", "standard output is the file; leave --json out"));
@@ -148,6 +158,9 @@ fn check(args: &Encode) -> Result<()> {
             || has_bound(args))
     {
         return Err(Error::param("labels", "labels are stored without loss: leave out codec, quality and end points"));
+    }
+    if args.labels && args.downsample == Some(DownsampleArg::Mean) {
+        return Err(Error::param("downsample", "there is no mean of labels; leave one of both out"));
     }
     if args.downsample.is_some() && args.levels == 1 {
         return Err(Error::param("downsample", "there is one level only; ask for more (--levels auto)"));
@@ -302,8 +315,8 @@ fn report_text(r: &EncodeReport) -> String {
          size        {} ({:.3} bits per voxel)\n\
          ratio       {} formula, {} payload, {} file\n\
          max error   {}\n\
-         mean error  {:.6}\n\
-         RMSE        {:.6}\n\
+         mean error  {}\n\
+         RMSE        {}\n\
          PSNR        {}\n",
         r.bricks[0],
         r.bricks[1],
@@ -314,8 +327,8 @@ fn report_text(r: &EncodeReport) -> String {
         ratio(r.ratio_payload),
         ratio(r.ratio_file),
         r.max_error,
-        r.mean_error,
-        r.rmse,
+        small_text(r.mean_error),
+        small_text(r.rmse),
         psnr_text(r.psnr, r.max_error == 0.0),
     ) + &r.selected.map_or(String::new(), |n| {
         format!("selected    {n} voxels: errors are of these, all others are the null value now\n")

@@ -3,7 +3,7 @@
 use super::codec_stats;
 use crate::cli::args::Info;
 use crate::cli::open::open_volume;
-use crate::cli::output::{Verdict, bytes_text, number};
+use crate::cli::output::{Verdict, bytes_text, number, small_text};
 use crate::codec::{Codec, s3dc};
 use crate::error::Result;
 use crate::metrics::psnr;
@@ -84,6 +84,7 @@ fn describe(volume: &Volume, bricks: &BrickCounts) -> Result<Value> {
         "time_steps": d.time_steps,
         "times": volume.times()?.map(|t| json!({ "unit": t.unit.name(), "interval": t.interval(), "steps": t.steps })),
         "layout": if volume.head().commit.is_some() { "log" } else { "head" },
+        "unfinished_bytes": volume.head().unfinished(),
         "codec": names.join("+"),
         "codecs": parameters,
         "codebooks": section.map_or(0, |s| s.item_count),
@@ -139,7 +140,10 @@ fn text(j: &Value) -> String {
     let codec: Vec<String> = codec.collect();
     let b = &j["bricks"];
     let error = match j["max_error"].as_f64() {
-        Some(e) => format!("max {e}, mean {}, RMSE {}, PSNR {}", num(&j["mean_error"]), num(&j["rmse"]), psnr_of(j)),
+        Some(e) => {
+            let small = |v: &Value| v.as_f64().map_or("unknown".into(), small_text);
+            format!("max {e}, mean {}, RMSE {}, PSNR {}", small(&j["mean_error"]), small(&j["rmse"]), psnr_of(j))
+        }
         None => "unknown".into(),
     };
     format!(
@@ -150,6 +154,7 @@ fn text(j: &Value) -> String {
          codec       {}{}\n\
          levels      {}{}\n\
          bricks      {} of {}³: {} stored, {} constant, {} empty\n\
+         layout      {}\n\
          size        {} ({} bits per voxel)\n\
          ratio       {} formula, {} payload, {} file\n\
          error       {error}\n\
@@ -177,6 +182,10 @@ fn text(j: &Value) -> String {
         b["stored"],
         b["constant"],
         b["empty"],
+        match j["unfinished_bytes"].as_u64() {
+            Some(behind @ 1..) => format!("log, unfinished: {behind} bytes follow the last commit"),
+            _ => j["layout"].as_str().unwrap_or("").to_owned(),
+        },
         bytes_text(j["bytes"].as_u64().unwrap_or(0)),
         num(&j["bits_per_voxel"]),
         num(&j["ratio"]["formula"]),

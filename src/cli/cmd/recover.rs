@@ -2,7 +2,7 @@
 
 use crate::cli::args::Recover;
 use crate::cli::open::open_source;
-use crate::cli::output::{Verdict, bytes_text, error_json, progress};
+use crate::cli::output::{Verdict, bytes_text, check_target, error_json, progress};
 use crate::container::VolumeDescriptor;
 use crate::error::Result;
 use crate::geometry::{Coord, Extent};
@@ -12,6 +12,7 @@ use crate::volume::{At, Recovered, recover};
 use serde_json::{Value, json};
 
 pub(super) fn run(args: &Recover) -> Result<Verdict> {
+    check_target(&args.source, &args.target)?;
     let source = open_source(&args.source)?;
     let mut file = AtomicFile::create(&args.target, args.force)?;
     let bar = progress(args.common.quiet || args.common.json, "recovering");

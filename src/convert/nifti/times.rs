@@ -44,10 +44,9 @@ const fn code_of(unit: TimeUnit) -> (i32, f64) {
 
 /// Sets interval, first time and unit. Steps that are not evenly apart have no place in NIfTI: their interval is unknown.
 pub(super) fn write(header: &mut Header, times: Option<&Times>, steps: u32) {
-    if steps < 2 {
-        return;
+    if steps > 1 {
+        header.pixdim[4] = 0.0;
     }
-    header.pixdim[4] = 0.0;
     let Some(times) = times else { return };
     let (code, factor) = code_of(times.unit);
     header.xyzt_units = header.xyzt_units & SPACE_UNIT_BITS | code;
