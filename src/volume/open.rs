@@ -183,13 +183,14 @@ impl Volume {
         if !matches!(error.code(), Code::BrickCrc | Code::PageCrc | Code::DirCrc | Code::SectionCrc) {
             return error;
         }
-        let superblock = self.head.head_bytes.get(..crate::container::SUPERBLOCK_BYTES).map(|opened| (0, opened));
+        let superblock =
+            self.head.head_bytes.get(..crate::container::SUPERBLOCK_BYTES).map(|opened| ("superblock", 0, opened));
         // Logs that were begun alike have the same superblock for ever; the leader covers all that its commit says.
         let leader = self.head.commit.and_then(|commit| {
             let len = crate::container::LEADER_BYTES as u64;
-            Some((commit.offset, self.head.resident(commit.offset, len)?))
+            Some(("commit", commit.offset, self.head.resident(commit.offset, len)?))
         });
-        for (offset, opened) in superblock.into_iter().chain(leader) {
+        for (field, offset, opened) in superblock.into_iter().chain(leader) {
             match self.source.read_fresh(offset, opened.len()) {
                 Ok(now) if *now == *opened => {}
                 // The source has seen it by itself.
@@ -198,7 +199,7 @@ impl Volume {
                 Err(e) if e.code() != Code::Truncated => return error,
                 _ => {
                     let message = format!("the file was replaced while it was open; open it again ({error})");
-                    return Error::at(Code::Replaced, offset, "superblock", message);
+                    return Error::at(Code::Replaced, offset, field, message);
                 }
             }
         }

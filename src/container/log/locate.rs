@@ -99,7 +99,8 @@ impl Locate {
                 }
                 let Some(commit) = forward.pop() else { return Err(none_found(self.upto, NONE_NEAR)) };
                 // One that a reader does not want to hold is passed over: there is an earlier one.
-                self.candidate = Some(commit).filter(|c| c.end - c.offset <= self.table_bytes && c.end - c.offset > LEAST);
+                self.candidate =
+                    Some(commit).filter(|c| c.end - c.offset <= self.table_bytes && c.end - c.offset > LEAST);
                 continue;
             }
             if self.window.is_none()
@@ -116,7 +117,7 @@ impl Locate {
         if self.upto < FIRST_RECORD + (RECORD_BYTES + TRAILER_BYTES) as u64 {
             return Err(none_found(self.upto, "there is no whole commit in the file"));
         }
-        let size = if self.spent == 0 { HEAD_BYTES } else { WINDOW };
+        let size = if self.spent == 0 { HEAD_BYTES } else { WINDOW.min(self.most.max(HEAD_BYTES)) };
         let start = self.upto.saturating_sub(size).max(FIRST_RECORD);
         let from = start.max((head.len() as u64).min(self.upto));
         #[allow(clippy::cast_possible_truncation, reason = "at most 1 MiB")]
