@@ -33,6 +33,8 @@ pub const HEAD_BYTES: u64 = 16 << 10;
 
 /// Bytes at the end of a log that are searched for its last whole commit, where the file was not closed.
 pub const LOG_SEARCH_BYTES: u64 = 256 << 20;
+/// Most bytes of a log that a writer puts behind a commit before the next one, unless a single record is longer.
+pub const LOG_COMMIT_BYTES: u64 = 64 << 20;
 
 /// What a reader is willing to spend on one file. The defaults are the caps of the format, but for memory.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -47,6 +49,9 @@ pub struct Limits {
     pub result_bytes: u64,
     /// Bytes of inflated bricks kept in the cache.
     pub cache_bytes: u64,
+    /// Bytes at the end of an unfinished log that are searched for its last commit, before its records are walked from the
+    /// front.
+    pub log_search_bytes: u64,
 }
 
 impl Default for Limits {
@@ -57,6 +62,7 @@ impl Default for Limits {
             table_bytes: MAX_TABLE_BYTES,
             result_bytes: 64 << 30,
             cache_bytes: 256 << 20,
+            log_search_bytes: LOG_SEARCH_BYTES,
         }
     }
 }

@@ -210,3 +210,42 @@ fn a_replaced_file_is_told_from_a_damaged_one() {
     *shared.lock().unwrap() = damaged;
     assert_eq!(volume.voxel(At::default(), [1, 2, 3]).unwrap_err().code(), Code::BrickCrc);
 }
+
+#[test] // spec: VAL-6, HDR-13
+fn a_log_that_another_one_replaces_is_told_from_damage() {
+    use std::sync::{Arc, Mutex};
+    struct Swapped(Arc<Mutex<Vec<u8>>>, u64);
+    impl vug::source::ByteSource for Swapped {
+        fn len(&self) -> u64 {
+            self.1
+        }
+        fn read_at(&self, offset: u64, out: &mut [u8]) -> vug::Result<()> {
+            MemorySource(&self.0.lock().unwrap()[..]).read_at(offset, out)
+        }
+    }
+    // Begun alike: the same shape, codec and length; other voxels.
+    let log = |shift: u32| {
+        let options = EncodeOptions { codec: vug::volume::CodecChoice::Raw, zstd: false, ..EncodeOptions::default() };
+        let mut grid = support::noise(Extent::new(100, 100, 100), |h| (h >> shift) as u8);
+        vug::volume::encode_log(&mut grid, Vec::new(), &options, &mut |_, _| {}).unwrap().0
+    };
+    let (one, two) = (log(24), log(20));
+    assert!(one[..256] == two[..256] && one.len() == two.len() && one != two);
+    let shared = Arc::new(Mutex::new(one.clone()));
+    let open = || Volume::open(Swapped(shared.clone(), one.len() as u64), Limits::default()).unwrap();
+    let read = |v: &Volume| v.voxel(At::default(), [1, 2, 3]).map(|_| ()).unwrap_err().code();
+    let mut damaged = one.clone();
+    damaged[20_000..900_000].fill(9);
+    let volume = open();
+    *shared.lock().unwrap() = damaged;
+    assert_eq!(read(&volume), Code::BrickCrc);
+    *shared.lock().unwrap() = two.clone();
+    assert_eq!(read(&volume), Code::Replaced);
+    *shared.lock().unwrap() = one.clone();
+    let volume = open();
+    // One that is shorter is another one, too: a log only grows.
+    let mut shorter = two[..500_000].to_vec();
+    shorter[300..].fill(9);
+    *shared.lock().unwrap() = shorter;
+    assert_eq!(read(&volume), Code::Replaced);
+}

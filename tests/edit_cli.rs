@@ -192,3 +192,34 @@ fn recover_lists_what_lives_and_what_is_lost() {
     assert!(r.code == 3 && r.err.contains("E_COMMIT"), "{r:?}");
     assert_eq!(run(&["verify"], &[&rest]).code, 0, "the old file is still there");
 }
+
+#[test]
+fn append_says_where_steps_are_further_from_their_source_than_the_file_was() {
+    let dir = tempfile::tempdir().unwrap();
+    let d = dir.path();
+    let of = |f: fn(u32) -> u8| (0..32 * 32 * 32).map(f).collect::<Vec<u8>>();
+    std::fs::write(d.join("smooth.raw"), of(|i| (i % 32 + i / 1024) as u8)).unwrap();
+    std::fs::write(d.join("rough.raw"), of(|i| (i.wrapping_mul(0x9E37_79B1) >> 24) as u8)).unwrap();
+    let (head, log) = (d.join("head.vug"), d.join("log.vug"));
+    let raw = ["--shape", "32,32,32", "--dtype", "u8"];
+    let r = run(
+        &[&["encode", "--codec", "s3dc", "--max-error", "1", "--brick", "16"], &raw[..]].concat(),
+        &[&d.join("smooth.raw"), &head],
+    );
+    assert_eq!(r.code, 0, "{}", r.err);
+    assert_eq!(run(&["pack", "--log"], &[&head, &log]).code, 0);
+    let append = |name: &str, extra: &[&str]| {
+        let r = run(&[&["append"], &raw[..], extra].concat(), &[&log, &d.join(name)]);
+        assert_eq!(r.code, 0, "{}", r.err);
+        r.err
+    };
+    assert!(!append("smooth.raw", &[]).contains("largest error"));
+    let before = open(std::fs::read(&log).unwrap()).info().achieved.unwrap().max_error;
+    let copy = std::fs::read(&log).unwrap();
+    let said = append("rough.raw", &[]);
+    let after = open(std::fs::read(&log).unwrap()).info().achieved.unwrap().max_error;
+    assert!(before <= 1.0 && after > 1.0);
+    assert!(said.contains(&format!("rough.raw is {after}")) && said.contains(&format!("so far {before}")), "{said}");
+    std::fs::write(&log, copy).unwrap();
+    assert!(!append("rough.raw", &["--quiet"]).contains("note"));
+}

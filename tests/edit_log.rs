@@ -179,6 +179,64 @@ fn an_append_that_is_cut_short_is_the_old_log() {
     }
 }
 
+#[test] // spec: LOG-9, LOG-10
+fn a_long_append_that_is_killed_leaves_a_log_that_opens() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = log_file(dir.path(), CodecChoice::Raw, None);
+    let old = open(std::fs::read(&path).unwrap()).head().commit.unwrap();
+    let mut log = Appender::open(&path).unwrap();
+    log.commit_every(20_000);
+    let steps = encoded(log.volume(), 1);
+    log.append(&steps, None, &mut |_, _| {}).unwrap();
+    drop(log);
+    let new = std::fs::read(&path).unwrap();
+    let last = open(new.clone()).head().commit.unwrap();
+    assert!(last.generation > old.generation + 2, "{last:?}");
+    assert_steps(&open(new.clone()), CodecChoice::Raw, 2);
+    let errors = verify(&new);
+    assert!(errors.is_empty(), "{errors:?}");
+    let mut renewed = 0;
+    for len in (old.end as usize..new.len()).step_by(1009) {
+        // The old state, and it is found although far less than the step is searched.
+        let volume = Volume::open(MemorySource(new[..len].to_vec()), Limits::default()).unwrap();
+        let commit = volume.head().commit.unwrap();
+        assert!(volume.info().time_steps == 1 && len as u64 - commit.end < 26_000, "{len}: {commit:?}");
+        renewed = renewed.max(commit.generation);
+    }
+    assert_eq!(renewed + 1, last.generation);
+    let torn = dir.path().join("torn.vug");
+    std::fs::write(&torn, &new[..last.offset as usize - 9]).unwrap();
+    append(&torn, 1, None).unwrap();
+    let again = std::fs::read(&torn).unwrap();
+    assert!(verify(&again).is_empty());
+    assert_steps(&open(again), CodecChoice::Raw, 2);
+}
+
+#[test]
+fn equal_codebooks_are_not_added_again() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = log_file(dir.path(), CodecChoice::Zerobit, None);
+    let count = |path: &Path| Volume::open_path(path).unwrap().codebooks().unwrap().len();
+    let one = count(&path);
+    assert!(one > 0);
+    // The third brings its own; then the first and the third once more.
+    let two = [(0, one), (0, one), (3, 2 * one), (0, 2 * one), (3, 2 * one)];
+    let mut balls = vec![0];
+    for (k, books) in two {
+        append(&path, k, None).unwrap();
+        balls.push(k);
+        assert_eq!(count(&path), books, "{balls:?}");
+    }
+    let file = std::fs::read(&path).unwrap();
+    assert!(verify(&file).is_empty());
+    let volume = open(file);
+    for (time, &k) in (0..).zip(&balls) {
+        let alone = open(encode(&mut step(k), &options(CodecChoice::Zerobit)).0);
+        let found = volume.read(At { time, channel: 0, lod: 0 }).unwrap();
+        assert_eq!(found.bytes(), alone.read(At::lod(0)).unwrap().bytes(), "time step {time}");
+    }
+}
+
 /// Remembers where it was flushed.
 #[derive(Default)]
 struct Flushed {

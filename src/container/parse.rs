@@ -117,7 +117,7 @@ impl HeadParser {
                     return Ok(None);
                 }
                 superblock.check_log()?;
-                self.locate = Some(Locate::new(self.source_len, superblock.file_id, &self.limits));
+                self.locate = Some(Locate::new(self.source_len, superblock.file_id, &self.limits, !self.salvage));
             }
         }
         let Some(locate) = &mut self.locate else { return Ok(None) };

@@ -6,6 +6,7 @@ use super::directory::{CHUNK_PAGES, PageEntry, parse_chunk, parse_page};
 use super::kept::{fetch, keep_section};
 use super::leader::{self, LEADER_BYTES, Leader};
 use super::log::{FIRST_RECORD, Record, RecordKind, check_commit_at};
+use super::section;
 use super::strict::Read;
 use super::{FileLayout, FinishOptions, Head, HeadParser, Node, NodeKind, SUPERBLOCK_BYTES, Step, Superblock};
 use crate::error::{Code, Error, Result};
@@ -84,6 +85,7 @@ pub fn recover(len: u64, limits: &Limits, read: &mut Read<'_>) -> Result<Recover
         lost: BTreeMap::new(),
         damage: Vec::new(),
         beyond: 0,
+        named: FIRST_RECORD,
         budget: len.saturating_mul(TIMES_OVER).saturating_add(limits.brick_bytes),
         len,
     };
@@ -91,7 +93,8 @@ pub fn recover(len: u64, limits: &Limits, read: &mut Read<'_>) -> Result<Recover
     search.index(read);
     let whole = search.damage.is_empty() && search.lost.is_empty();
     let from = match search.head.commit {
-        Some(commit) if whole => commit.end,
+        // A commit that only says again what the one before said has bricks before it that none speaks of.
+        Some(commit) if whole => search.named.min(commit.end),
         None if whole && search.len >= search.head.superblock.file_len => len,
         Some(_) => FIRST_RECORD,
         None => SUPERBLOCK_BYTES as u64,
@@ -146,6 +149,8 @@ struct Search {
     lost: BTreeMap<Key, Error>,
     damage: Vec<Error>,
     beyond: u64,
+    /// One past the last byte that the commit refers to.
+    named: u64,
     budget: u64,
     len: u64,
 }
@@ -170,6 +175,9 @@ impl Search {
 
     fn sections(&mut self, limits: &Limits, read: &mut Read<'_>) {
         for entry in self.head.sections.clone() {
+            if ![section::PAGE, section::BRIK, section::VOLD, section::FNAM, section::PDIR].contains(&entry.fourcc) {
+                self.named = self.named.max(entry.end());
+            }
             if let Err(e) = keep_section(&self.head, &entry, &mut self.options, limits, read) {
                 self.damaged(e);
             }
@@ -183,6 +191,7 @@ impl Search {
         }
         let most = self.len;
         for chunk in self.head.directory.clone() {
+            self.named = self.named.max(chunk.offset.saturating_add(chunk.byte_len() as u64));
             let entries = fetch(&self.head, chunk.offset, chunk.byte_len() as u64, most, read)
                 .and_then(|bytes| parse_chunk(&bytes, &chunk, &self.head));
             let entries = match entries {
@@ -202,6 +211,7 @@ impl Search {
 
     fn page(&mut self, ordinal: u64, entry: &PageEntry, read: &mut Read<'_>) -> Result<()> {
         let bytes = fetch(&self.head, entry.offset, entry.byte_len() as u64, self.len, read)?;
+        self.named = self.named.max(entry.offset.saturating_add(entry.byte_len() as u64));
         let nodes = parse_page(&bytes, entry, ordinal, &self.head)?;
         let (tree, level, page) = self.head.octree.page_position(ordinal);
         for (slot, node) in nodes.iter().enumerate().filter(|(_, n)| n.kind != NodeKind::Empty) {
@@ -233,6 +243,7 @@ impl Search {
             return Err(Error::at(Code::Limit, node.offset, "brick.payload", message));
         };
         self.budget = left;
+        self.named = self.named.max(node.offset.saturating_add(len));
         node.check_payload(&read(node.offset, node.stored_len as usize)?)
     }
 

@@ -34,6 +34,17 @@ pub trait BrickSink {
         Ok(())
     }
 
+    /// Bytes of index and tables that the last checkpoint went through, changed or not: what the next one costs at least.
+    fn checkpoint_cost(&self) -> u64 {
+        0
+    }
+
+    /// Whether it is time for a checkpoint, where `pending` bytes of payload follow the last one: from `least` on, and four
+    /// times what a checkpoint costs, so that all checkpoints together cost less than what is written.
+    fn checkpoint_due(&self, pending: u64, least: u64) -> bool {
+        pending >= least.max(self.checkpoint_cost().saturating_mul(4))
+    }
+
     /// Writes what is left to write. `descriptor` may say more than the one given first (what was achieved, ranges,
     /// placement), but octree, sample type and codecs must be the same.
     ///

@@ -177,24 +177,32 @@ impl Volume {
         Ok(self.head.octree.levels[usize::from(at.lod)].extent)
     }
 
-    /// A checksum error, or `E_REPLACED` where the superblock is no longer the one that was opened (spec: VAL-6).
+    /// A checksum error, or `E_REPLACED` where the superblock, or in a log the leader of the commit, is no longer the one
+    /// that was opened (spec: VAL-6).
     pub(super) fn replaced_or(&self, error: Error) -> Error {
         if !matches!(error.code(), Code::BrickCrc | Code::PageCrc | Code::DirCrc | Code::SectionCrc) {
             return error;
         }
-        let opened = &self.head.head_bytes[..crate::container::SUPERBLOCK_BYTES];
-        match self.source.read_fresh(0, crate::container::SUPERBLOCK_BYTES) {
-            // The source has seen it by itself.
-            Err(e) if e.code() == Code::Replaced => e,
-            // A source that fails now says nothing about the file.
-            Err(_) => error,
-            Ok(now) if *now == *opened => error,
-            Ok(_) => Error::at(
-                Code::Replaced,
-                0,
-                "superblock",
-                format!("the file was replaced while it was open; open it again ({error})"),
-            ),
+        let superblock =
+            self.head.head_bytes.get(..crate::container::SUPERBLOCK_BYTES).map(|opened| ("superblock", 0, opened));
+        // Logs that were begun alike have the same superblock for ever; the leader covers all that its commit says.
+        let leader = self.head.commit.and_then(|commit| {
+            let len = crate::container::LEADER_BYTES as u64;
+            Some(("commit", commit.offset, self.head.resident(commit.offset, len)?))
+        });
+        for (field, offset, opened) in superblock.into_iter().chain(leader) {
+            match self.source.read_fresh(offset, opened.len()) {
+                Ok(now) if *now == *opened => {}
+                // The source has seen it by itself.
+                Err(e) if e.code() == Code::Replaced => return e,
+                // A source that fails now says nothing about the file, unless it is too short.
+                Err(e) if e.code() != Code::Truncated => return error,
+                _ => {
+                    let message = format!("the file was replaced while it was open; open it again ({error})");
+                    return Error::at(Code::Replaced, offset, field, message);
+                }
+            }
         }
+        error
     }
 }

@@ -58,7 +58,7 @@ pub struct VolumeWriter<S: BrickSink> {
     pending: u64,
 }
 
-/// Payload bytes that are written between two checkpoints: what a writer that is killed can lose of the index.
+/// Payload bytes that are at least written between two checkpoints: what a writer that is killed can lose of the index.
 const CHECKPOINT_BYTES: u64 = 16 << 20;
 
 #[derive(Default)]
@@ -81,7 +81,8 @@ impl<W: Write + Seek> VolumeWriter<FileWriter<W>> {
 
 impl<W: Write> VolumeWriter<LogWriter<W>> {
     /// Starts a volume in `out`, a log file (spec chapter 15): written front to back, so that `out` may be a pipe, and
-    /// readable up to its last commit at any time; there is one every 16 MiB of payload.
+    /// readable up to its last commit at any time; there is one every 16 MiB of payload, and four times the bytes of the
+    /// index that each has to go through.
     ///
     /// # Errors
     /// As [`VolumeWriter::create`]; `E_SOURCE`, since it starts to write at once.
@@ -253,7 +254,7 @@ impl<S: BrickSink> VolumeWriter<S> {
             NodeKind::Empty => {}
         }
         self.pending += payload.len() as u64;
-        if self.pending >= CHECKPOINT_BYTES { self.checkpoint() } else { Ok(()) }
+        if self.file.checkpoint_due(self.pending, CHECKPOINT_BYTES) { self.checkpoint() } else { Ok(()) }
     }
 
     /// Makes what has been written readable, where the layout can (spec chapter 15).

@@ -27,6 +27,7 @@ pub(super) fn run(args: &Append) -> Result<Verdict> {
     for source in sources {
         let (steps, own) = encoded(args, source, log.volume())?;
         let first = log.volume().info().time_steps;
+        note_error(args, source, log.volume(), &steps);
         let new = new_times(log.volume(), steps.info().time_steps, &mut times, own)?;
         let bar = progress(args.common.quiet || args.common.json, "appending");
         let report = log.append(&steps, new, &mut |done, total| {
@@ -41,6 +42,22 @@ pub(super) fn run(args: &Append) -> Result<Verdict> {
         println!("{:#}", json!({ "time_steps": steps, "bytes": log.volume().file_len(), "appended": reports }));
     }
     Ok(Verdict::Ok)
+}
+
+/// Says where the new steps are further from their source than the file says of its own: parameters are kept, and with them no
+/// bound on the error.
+fn note_error(args: &Append, source: &Path, log: &Volume, steps: &Volume) {
+    let largest = |volume: &Volume| volume.info().achieved.map(|a| a.max_error);
+    if let Some((old, new)) = largest(log).zip(largest(steps))
+        && new > old
+        && !args.common.quiet
+    {
+        let (file, source) = (args.file.display(), source.display());
+        eprintln!(
+            "note: the largest error of {source} is {new}, that of {file} so far {old}: the codec's parameters are kept, \
+             not a bound on the error"
+        );
+    }
 }
 
 fn describe(args: &Append, source: &Path, steps: std::ops::Range<u32>, report: &CopyReport) -> Value {

@@ -1,13 +1,19 @@
 //! Finding the last whole commit of a log, sans I/O: at its very end in a file that was closed, else by searching
-//! backwards for trailers (spec chapter 15).
+//! backwards for trailers, as far as a reader goes, else by walking the records from the front (spec chapter 15).
 
+use super::super::superblock::SUPERBLOCK_BYTES;
 use super::commit::{Commit, FIRST_RECORD, TRAILER_BYTES, check_commit, read_trailer};
+use super::forward::Forward;
 use super::record::RECORD_BYTES;
 use crate::error::{Code, Error, Result};
-use crate::limits::{self, HEAD_BYTES, LOG_SEARCH_BYTES, Limits};
+use crate::limits::{self, HEAD_BYTES, Limits};
 
 /// Bytes looked at in one go behind the first 16 KiB.
 const WINDOW: u64 = 1 << 20;
+
+/// Bytes of a commit's leader, superblock and trailer.
+const LEAST: u64 = (RECORD_BYTES + SUPERBLOCK_BYTES + TRAILER_BYTES) as u64;
+const NONE_NEAR: &str = "there is no whole commit in the last part of the file, nor one that its records lead to";
 
 /// What the search wants or has found.
 pub(in super::super) enum Located {
@@ -32,10 +38,18 @@ pub(in super::super) struct Locate {
     asked: Option<u64>,
     /// Bytes looked at, all windows and commits: what bounds the work on a hostile file.
     spent: u64,
+    /// Most of them.
+    most: u64,
+    len: u64,
+    /// Whether the walk from the front is made when they are spent.
+    walks: bool,
+    forward: Option<Forward>,
 }
 
 impl Locate {
-    pub(in super::super) fn new(len: u64, file_id: [u8; 16], limits: &Limits) -> Self {
+    /// `walks`: whether all records are walked where the search goes too far; where some are damaged, that can end at an
+    /// earlier commit than the last one.
+    pub(in super::super) fn new(len: u64, file_id: [u8; 16], limits: &Limits, walks: bool) -> Self {
         Locate {
             file_id,
             table_bytes: limits.table_bytes,
@@ -44,6 +58,10 @@ impl Locate {
             candidate: None,
             asked: None,
             spent: 0,
+            most: limits.log_search_bytes,
+            len,
+            walks,
+            forward: None,
         }
     }
 
@@ -55,8 +73,12 @@ impl Locate {
     pub(in super::super) fn step(&mut self, head: &[u8], mut supplied: Option<Vec<u8>>) -> Result<Located> {
         loop {
             // Nothing that was asked for is thrown away: the limit is looked at before the next wish.
-            if supplied.is_none() && self.spent > LOG_SEARCH_BYTES {
-                return Err(none_found(self.upto, "there is no whole commit in the last part of the file"));
+            if supplied.is_none() && self.spent > self.most && self.forward.is_none() {
+                if !self.walks {
+                    return Err(none_found(self.upto, NONE_NEAR));
+                }
+                (self.candidate, self.window, self.asked) = (None, None, None);
+                self.forward = Some(Forward::new(self.len, self.file_id));
             }
             if let Some(commit) = self.candidate {
                 let Some((at, bytes)) = self.bytes_of(&commit, head, supplied.take())? else {
@@ -70,6 +92,16 @@ impl Locate {
                 if check_commit(&bytes[start..end], &commit, &self.file_id).is_ok() {
                     return Ok(Located::Found(commit, at, bytes));
                 }
+            }
+            if let Some(forward) = &mut self.forward {
+                if let Some((offset, len)) = forward.step(head, &mut supplied)? {
+                    return Ok(Located::Need(offset, len));
+                }
+                let Some(commit) = forward.pop() else { return Err(none_found(self.upto, NONE_NEAR)) };
+                // One that a reader does not want to hold is passed over: there is an earlier one.
+                self.candidate =
+                    Some(commit).filter(|c| c.end - c.offset <= self.table_bytes && c.end - c.offset > LEAST);
+                continue;
             }
             if self.window.is_none()
                 && let Some(need) = self.open_window(head, supplied.take())?
@@ -85,7 +117,7 @@ impl Locate {
         if self.upto < FIRST_RECORD + (RECORD_BYTES + TRAILER_BYTES) as u64 {
             return Err(none_found(self.upto, "there is no whole commit in the file"));
         }
-        let size = if self.spent == 0 { HEAD_BYTES } else { WINDOW };
+        let size = if self.spent == 0 { HEAD_BYTES } else { WINDOW.min(self.most.max(HEAD_BYTES)) };
         let start = self.upto.saturating_sub(size).max(FIRST_RECORD);
         let from = start.max((head.len() as u64).min(self.upto));
         #[allow(clippy::cast_possible_truncation, reason = "at most 1 MiB")]

@@ -9,9 +9,11 @@
 //! The last whole commit owns the file. What lies behind it is what a writer did not finish.
 
 mod commit;
+mod forward;
 mod locate;
 mod record;
 mod resume;
+mod said;
 mod walk;
 mod write;
 

@@ -5,6 +5,7 @@ use super::super::kept::{check_editable, fetch};
 use super::super::section::{self, ExtraSection};
 use super::super::strict::Read;
 use super::super::{Head, Octree, VolumeDescriptor};
+use super::said::Said;
 use super::write::{LogWriter, ident_of};
 use crate::error::{Error, Result};
 use crate::limits::MAX_TABLE_BYTES;
@@ -49,6 +50,9 @@ impl<W: Write> LogWriter<W> {
         writer.first_tree = old.trees();
         writer.generation = commit.generation.saturating_add(1);
         writer.stored = head.section(section::BRIK).map_or(0, |s| s.item_count);
+        let said = Said::of(head);
+        let ident = said.ident();
+        writer.last = Some((said, ident, commit.end));
         writer.take_descriptor(descriptor)?;
         Ok(writer)
     }

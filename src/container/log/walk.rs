@@ -39,9 +39,13 @@ impl Walked {
 }
 
 /// A walk from the first record on. It goes forward only, at least 32 bytes a step, so that it ends.
+#[derive(Debug)]
 pub(in super::super) struct Walk {
     cursor: u64,
+    /// What lies between `cursor` and here is padding: not read again where reading had to wait.
+    seen: u64,
     end: u64,
+    window_bytes: u64,
     file_id: [u8; 16],
     window: (u64, Vec<u8>),
 }
@@ -49,17 +53,23 @@ pub(in super::super) struct Walk {
 impl Walk {
     /// Over the records that end at or before `end`.
     pub(in super::super) fn new(end: u64, file_id: [u8; 16]) -> Self {
-        Walk { cursor: FIRST_RECORD, end, file_id, window: (0, Vec::new()) }
+        let window = (0, Vec::new());
+        Walk { cursor: FIRST_RECORD, seen: 0, end, window_bytes: WINDOW, file_id, window }
+    }
+
+    /// Reads so many bytes at a time.
+    pub(super) fn with_window(self, bytes: u64) -> Self {
+        Walk { window_bytes: bytes, ..self }
     }
 
     /// The next record; `None` behind the last one.
     ///
     /// # Errors
     /// `E_LEADER` where no leader follows the record before, `E_PADDING`, `E_TRUNCATED` where a record passes the end, and
-    /// what reading yields. The walk cannot go on then.
+    /// what reading yields: only from the latter the walk can go on.
     pub(in super::super) fn next(&mut self, read: &mut Read<'_>) -> Result<Option<Walked>> {
         let from = self.cursor;
-        let mut at = from;
+        let mut at = self.seen.max(from);
         let aligned = from.next_multiple_of(16);
         loop {
             if at >= self.end {
@@ -76,6 +86,7 @@ impl Walk {
                 return Err(Error::at(code, at + i as u64, "record", message));
             }
             at += unit.len() as u64;
+            self.seen = at;
             if at - from > MOST_PADDING {
                 return Err(Error::at(Code::Leader, from, "record", "no record follows within 1 MiB"));
             }
@@ -108,7 +119,7 @@ impl Walk {
         let (start, window) = &self.window;
         if at < *start || at + len > start + window.len() as u64 {
             #[allow(clippy::cast_possible_truncation, reason = "at most 64 KiB")]
-            let wanted = (self.end - at).min(WINDOW) as usize;
+            let wanted = (self.end - at).min(self.window_bytes) as usize;
             self.window = (at, read(at, wanted)?);
         }
         let (start, window) = &self.window;

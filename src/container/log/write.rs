@@ -11,8 +11,8 @@ use super::super::write::{check_constant, check_stored, write_brick};
 use super::super::{
     BrickSink, FileSummary, FinishOptions, LEADER_BYTES, Leader, Node, NodeFlags, Octree, VolumeDescriptor,
 };
-use super::commit::{CommitParts, FIRST_RECORD};
 use super::record::{RECORD_BYTES, Record, RecordKind, section_key};
+use super::said::Said;
 use crate::error::{Error, Result};
 use crate::geometry::Coord;
 use crate::limits;
@@ -40,14 +40,21 @@ pub struct LogWriter<W: Write> {
     pub(super) chunks: BTreeMap<u64, ChunkRef>,
     /// Sections that are written, and what is in them.
     pub(super) sections: Vec<(SectionEntry, Ident)>,
-    /// What the last commit says, and which it is.
-    last: Option<Ident>,
+    /// What the last commit says, which it is, and where it ends.
+    pub(super) last: Option<(Said, Ident, u64)>,
+    /// Bytes behind it that make it due again.
+    commit_every: u64,
+    /// Bytes of pages and sections that the last commit took to go through.
+    gone_through: u64,
     pub(super) generation: u64,
     pub(super) stored: u64,
     stored_bytes: u64,
     /// A write has failed: nobody knows where the file ends.
     broken: bool,
 }
+
+/// Bytes of a page's nodes.
+const PAGE_BYTES: u64 = 16 << 10;
 
 /// BLAKE3 of a content: what is written already is not written again.
 pub(super) type Ident = [u8; 32];
@@ -98,6 +105,8 @@ impl<W: Write> LogWriter<W> {
             chunks: BTreeMap::new(),
             sections: Vec::new(),
             last: None,
+            commit_every: limits::LOG_COMMIT_BYTES,
+            gone_through: 0,
             generation: 0,
             stored: 0,
             stored_bytes: 0,
@@ -128,6 +137,12 @@ impl<W: Write> LogWriter<W> {
         self.out.get_mut()
     }
 
+    /// How many bytes may follow a commit before the last one is said again, so that whoever opens a file whose writer was
+    /// killed finds one near the end: 64 MiB, and never more (spec: LOG-10).
+    pub fn commit_every(&mut self, bytes: u64) {
+        self.commit_every = bytes.min(limits::LOG_COMMIT_BYTES);
+    }
+
     fn emit(&mut self, bytes: &[u8]) -> Result<()> {
         self.check_whole()?;
         self.broken = true;
@@ -149,6 +164,7 @@ impl<W: Write> LogWriter<W> {
 
     /// Writes a record whose content starts at a multiple of 2^`align_log2`, and returns where that is (spec: LOG-2).
     fn put_record(&mut self, kind: RecordKind, key: u64, content: &[u8], align_log2: u8) -> Result<u64> {
+        self.renew(content.len() as u64)?;
         let start = payload_start(self.cursor, align_log2);
         let padding = start - RECORD_BYTES as u64 - self.cursor;
         let mut bytes = vec![0; usize::try_from(padding).expect("at most 1 MiB")];
@@ -186,6 +202,7 @@ impl<W: Write> LogWriter<W> {
         self.take_descriptor(descriptor)?;
         let sections = sections_of(options, descriptor)?;
         let names = self.take_features(descriptor, options)?;
+        self.gone_through = sections.iter().map(|s| s.bytes.len() as u64).sum();
         self.write_pages(descriptor)?;
         self.write_sections(sections)?;
         Ok(names)
@@ -203,30 +220,48 @@ impl<W: Write> LogWriter<W> {
         let names = self.write_records(descriptor, options)?;
         let refs: Vec<ChunkRef> = self.chunks.values().copied().collect();
         let sections: Vec<SectionEntry> = self.sections.iter().map(|s| s.0.clone()).collect();
-        let parts = CommitParts {
+        let said = Said {
             superblock: self.superblock.clone(),
-            descriptor,
-            names: &names,
-            refs: &refs,
+            descriptor: descriptor.clone(),
+            names,
+            refs,
             pages: self.pages.len() as u64,
             stored: self.stored,
-            sections: &sections,
+            sections,
         };
+        let ident = said.ident();
         // Where nothing is new, the last commit says it all.
-        let says = *blake3::hash(&parts.write_to(FIRST_RECORD, 0)).as_bytes();
-        if self.last != Some(says) {
-            let at = align_up(self.cursor, 4);
-            #[allow(clippy::cast_possible_truncation, reason = "below 16")]
-            let padding = vec![0; (at - self.cursor) as usize];
-            let bytes = parts.write_to(at, self.generation);
-            self.emit(&padding)?;
-            // Whoever syncs when flushed has all that the commit speaks of on disk before the commit is.
-            self.flush()?;
-            self.emit(&bytes)?;
-            self.generation += 1;
-            self.last = Some(says);
+        if self.last.as_ref().is_some_and(|last| last.1 == ident) {
+            return self.flush();
         }
+        self.say(said, ident)
+    }
+
+    /// Writes a commit.
+    fn say(&mut self, said: Said, ident: Ident) -> Result<()> {
+        let at = align_up(self.cursor, 4);
+        #[allow(clippy::cast_possible_truncation, reason = "below 16")]
+        let padding = vec![0; (at - self.cursor) as usize];
+        let bytes = said.write_to(at, self.generation);
+        self.emit(&padding)?;
+        // Whoever syncs when flushed has all that the commit speaks of on disk before the commit is.
+        self.flush()?;
+        self.emit(&bytes)?;
+        self.generation += 1;
+        self.last = Some((said, ident, self.cursor));
         self.flush()
+    }
+
+    /// Says the last commit again where, with a record of `len` more bytes, it would lie too far back (spec: LOG-10).
+    fn renew(&mut self, len: u64) -> Result<()> {
+        let behind = self.last.as_ref().map_or(0, |last| self.cursor - last.2);
+        if behind > 0
+            && behind + len > self.commit_every
+            && let Some((said, ident, _)) = self.last.take()
+        {
+            self.say(said, ident)?;
+        }
+        Ok(())
     }
 
     /// The volume may have more time steps than at first, all else that bricks depend on stays.
@@ -263,6 +298,7 @@ impl<W: Write> LogWriter<W> {
         for tree in std::mem::take(&mut self.changed) {
             let mut joined = self.nodes.tree(&self.octree, tree);
             joined.join(&self.octree, d.null_sample());
+            self.gone_through += joined.pages.len() as u64 * PAGE_BYTES;
             for (ordinal, nodes) in joined.pages {
                 let bytes = write_nodes(&nodes);
                 let ident = *blake3::hash(&bytes).as_bytes();
@@ -329,6 +365,7 @@ impl<W: Write> BrickSink for LogWriter<W> {
 
     fn put_stored(&mut self, tree: u32, level: u8, brick: Coord, node: &Node, payload: &[u8]) -> Result<()> {
         let (mut node, align_log2) = check_stored(&self.descriptor, node, payload)?;
+        self.renew(payload.len() as u64)?;
         node.offset = payload_start(self.cursor, align_log2);
         self.put(tree, level, brick, node)?;
         let leader = Leader::of(&node, tree, level, brick).write_to(&self.superblock.file_id);
@@ -346,12 +383,17 @@ impl<W: Write> BrickSink for LogWriter<W> {
     /// As in a head file; here the brick gets a leader too, so that it is not lost with its page.
     fn put_constant(&mut self, tree: u32, level: u8, brick: Coord, node: &Node) -> Result<()> {
         let node = check_constant(&self.descriptor, node)?;
+        self.renew(LEADER_BYTES as u64)?;
         self.put(tree, level, brick, node)?;
         let leader = Leader::of(&node, tree, level, brick).write_to(&self.superblock.file_id);
         #[allow(clippy::cast_possible_truncation, reason = "below 16")]
         let padding = (align_up(self.cursor, 4) - self.cursor) as usize;
         self.emit(&[0; LEADER_BYTES][..padding])?;
         self.emit(&leader)
+    }
+
+    fn checkpoint_cost(&self) -> u64 {
+        self.gone_through
     }
 
     /// Writes the pages, chunks and sections that have changed and a commit, and flushes. `descriptor` may have more time

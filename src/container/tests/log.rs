@@ -196,6 +196,108 @@ fn appending_to_what_a_stopped_writer_left() {
     }
 }
 
+#[test] // spec: LOG-10; C-14
+fn a_commit_is_never_far_from_the_end() {
+    let (mut d, options) = (descriptor([400, 20, 17], 3), small_options());
+    let mut w = LogWriter::create(Vec::new(), &d, &options).unwrap();
+    w.commit_every(2000);
+    let none = NodeFlags::default();
+    put(&mut w, &mut d, (0, 0, [0, 0, 0]), 0, none, &payload(1, 77));
+    w.checkpoint(&d, &options).unwrap();
+    let before = open(w.get_mut()).unwrap();
+    for x in 1..25 {
+        put(&mut w, &mut d, (0, 0, [x, 0, 0]), 0, none, &payload(2, 300));
+        let node = Node::new_constant(SampleValue::U8(x as u8), none, None);
+        w.put_constant(0, 0, [x, 1, 0], &node).unwrap();
+    }
+    let (log, _) = w.finish(&d, options).unwrap();
+    let all = commits(&log);
+    // The last but one is followed by a page, which is longer than that.
+    let near = |w: &[Commit]| w[1].offset - w[0].end <= 2100;
+    assert!(all.len() > 4 && all[1..all.len() - 1].windows(2).all(near), "{all:?}");
+    let errors = strict(&log);
+    assert!(errors.is_empty(), "{errors:?}");
+    // Between the checkpoint and the end, all of them say what the checkpoint said.
+    for commit in &all[2..all.len() - 1] {
+        let cut = &log[..commit.end as usize];
+        let head = open(cut).unwrap();
+        assert_eq!((&head.descriptor, &head.directory), (&before.descriptor, &before.directory));
+        assert!(strict(cut).is_empty());
+        // Bricks that are written, but of which no commit speaks yet, are not lost.
+        let found = recover(cut.len() as u64, &Limits::default(), &mut reader(cut)).unwrap();
+        let written = find_leaders(cut, 0, &head.superblock.file_id).len();
+        assert!(written > 4 && found.lost.is_empty());
+        assert_eq!(found.bricks.len(), written, "{commit:?}");
+    }
+    assert_eq!(read_index(&log).unwrap().iter().filter(|n| n.kind == NodeKind::Stored).count(), 25);
+}
+
+/// A log of a hundred bricks of 4,000 bytes behind its second commit.
+fn long_log() -> (Vec<u8>, Vec<Commit>) {
+    let (mut d, options) = (descriptor([2000, 20, 17], 1), FinishOptions::default());
+    let mut w = LogWriter::create(Vec::new(), &d, &options).unwrap();
+    put(&mut w, &mut d, (0, 0, [100, 1, 1]), 0, NodeFlags::default(), &payload(7, 100));
+    w.checkpoint(&d, &options).unwrap();
+    for x in 0..100 {
+        put(&mut w, &mut d, (0, 0, [x, 0, 0]), 0, NodeFlags::default(), &payload(x as u8, 4000));
+    }
+    let log = w.finish(&d, options).unwrap().0;
+    let all = commits(&log);
+    (log, all)
+}
+
+#[test] // spec: LOG-9, VAL-7
+fn a_commit_out_of_reach_is_found_from_the_front() {
+    let (log, all) = long_log();
+    let limits = Limits { log_search_bytes: 20_000, ..Limits::default() };
+    let asked = |bytes: &[u8]| open_parser(HeadParser::new(bytes.len() as u64, &limits), bytes);
+    for cut in [1, 16, 40, 300, 4_000, 100_000] {
+        let torn = &log[..all[2].offset as usize - cut];
+        let (head, reads) = asked(torn).unwrap();
+        assert_eq!(head.commit, Some(all[1]), "{cut}");
+        assert!(reads.len() < 130 && reads[1..].iter().all(|r| r.0 >= HEAD_BYTES), "{reads:?}");
+        // Windows of 4 KiB go forward, each byte once but for those of a leader.
+        let walked: Vec<_> = reads[1..].iter().filter(|r| r.1 <= 4 << 10).collect();
+        assert!(walked.len() > 20 && walked.windows(2).all(|w| w[0].0 + w[0].1 as u64 <= w[1].0 + 32), "{walked:?}");
+        // Who recovers does not trust leaders: damage would end the walk.
+        let e = open_parser(HeadParser::salvage(torn.len() as u64, &limits), torn).unwrap_err();
+        assert_eq!(e.code(), Code::Commit);
+    }
+    // Remains of something else behind it, zeros behind it: there is no record to go to.
+    for fill in [0xEE, 0] {
+        let mut torn = log[..all[2].offset as usize - 40].to_vec();
+        torn.resize(torn.len() + 2_000_000, fill);
+        assert_eq!(asked(&torn).unwrap().0.commit, Some(all[1]));
+    }
+    // A damaged commit is passed over; without any, there is none.
+    let mut torn = log[..all[2].offset as usize].to_vec();
+    torn[all[1].offset as usize + 50] ^= 1;
+    assert_eq!(asked(&torn).unwrap().0.commit, Some(all[0]));
+    torn[all[0].offset as usize + 50] ^= 1;
+    let e = asked(&torn).unwrap_err();
+    assert!(e.code() == Code::Commit && e.message().contains("vug recover"), "{e}");
+}
+
+#[test]
+fn checkpoints_cost_less_than_what_is_written() {
+    let (mut d, options) = (descriptor([512, 512, 512], 1), FinishOptions::default());
+    let mut w = LogWriter::create(Vec::new(), &d, &options).unwrap();
+    let (mut pending, mut cost, mut made) = (0, 0, 0);
+    for i in 0..16_384u32 {
+        let brick = [i % 32, i / 32 % 32, i / 1024];
+        put(&mut w, &mut d, (0, 0, brick), 0, NodeFlags::default(), &payload(i as u8, 256));
+        pending += 256;
+        if w.checkpoint_due(pending, 4096) {
+            w.checkpoint(&d, &options).unwrap();
+            (pending, made) = (0, made + 1);
+            cost += w.checkpoint_cost();
+        }
+    }
+    let written = d.payload_bytes;
+    assert!(made >= 3, "{made}");
+    assert!(cost <= 2 * written, "{made} checkpoints went through {cost} bytes for {written} bytes of payload");
+}
+
 /// Takes `room` bytes, then fails.
 struct Full {
     room: usize,

@@ -5,7 +5,7 @@ use super::copy::{Copied, Copier};
 use super::steps::{Plan, fitting};
 use crate::container::{BrickSink, LogWriter, VolumeDescriptor};
 use crate::error::{Code, Error, Result};
-use crate::limits::Limits;
+use crate::limits::{self, Limits};
 use crate::source::FileSource;
 use crate::time::Times;
 use crate::volume::encode::Progress;
@@ -29,6 +29,7 @@ pub struct Appender {
     path: PathBuf,
     volume: Volume,
     cut: u64,
+    commit_every: u64,
 }
 
 impl Appender {
@@ -59,13 +60,18 @@ impl Appender {
             return Err(Error::param("layout", message));
         };
         let cut = volume.file_len().saturating_sub(commit.end);
-        Ok(Appender { file, path, volume, cut })
+        Ok(Appender { file, path, volume, cut, commit_every: limits::LOG_COMMIT_BYTES })
     }
 
     /// The log as its last commit has it.
     #[must_use]
     pub fn volume(&self) -> &Volume {
         &self.volume
+    }
+
+    /// How many bytes of a step are written before the old commit is written again: 64 MiB, and never more.
+    pub fn commit_every(&mut self, bytes: u64) {
+        self.commit_every = bytes;
     }
 
     /// Bytes behind the last commit, which the next append cuts off.
@@ -76,14 +82,16 @@ impl Appender {
 
     /// Appends all time steps of `steps`: a volume of the same dims, sample type, channels, levels, down-sampling, bricks
     /// and null value. Its bricks are copied as they are stored; codec entries and codebooks that the log does not have
-    /// are added to it. `times` are those of the new steps, where the log has times.
+    /// are added to it: a step that was encoded by itself with zerobit mostly has codebooks of its own, of which a file can
+    /// have 4,096; those that the log has already are not added again. `times` are those of the new steps, where the log has times.
     ///
     /// The old steps stay valid until the commit is whole: it is written when all else is on disk, and on disk itself when
-    /// this returns. If this fails, the log is what it was.
+    /// this returns. If this fails, the log is what it was. If the process is killed, the log still opens with its old
+    /// steps: every 64 MiB of a long step the old commit is written again, since readers look for it near the end.
     ///
     /// # Errors
-    /// `E_PARAM` where the volumes or times do not fit, `E_LIMIT` for too many steps, codecs or codebooks; those of
-    /// copying; `E_SOURCE`.
+    /// `E_PARAM` where the volumes or times do not fit, `E_LIMIT` for too many steps, codecs or codebooks (begin
+    /// another log then); those of copying; `E_SOURCE`.
     pub fn append(&mut self, steps: &Volume, times: Option<Times>, progress: &mut Progress<'_>) -> Result<CopyReport> {
         let fail = |e| Error::io(self.path.display(), e);
         let end = self.volume.head.commit.map_or(0, |c| c.end);
@@ -107,13 +115,13 @@ impl Appender {
         let log = &self.volume;
         let mut read = |offset, len| log.source.read(offset, len).map(std::borrow::Cow::into_owned);
         let mut sink = LogWriter::resume(Synced(file), &log.head, &plan.descriptor, &mut read)?;
+        sink.commit_every(self.commit_every);
         let excerpt = steps.excerpt(&CopyOptions::default())?;
         let mut items = excerpt.items()?;
         for item in &mut items {
             item.to.0 += log.info().trees();
         }
-        let copier =
-            Copier { first_book: plan.first_book, codecs: plan.codecs, ..Copier::new(steps, excerpt.zstd, false) };
+        let copier = Copier { books: plan.books, codecs: plan.codecs, ..Copier::new(steps, excerpt.zstd, false) };
         let Copied { payload_bytes, converted, .. } = copier.run(&items, &mut sink, progress, &mut |_, _| Ok(()))?;
         let all = plan.descriptor.payload_bytes.saturating_add(payload_bytes);
         let descriptor = VolumeDescriptor { payload_bytes: all, ..plan.descriptor };

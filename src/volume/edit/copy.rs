@@ -6,7 +6,6 @@ use super::{CopyReport, ZstdPolicy};
 use crate::codec::Codec;
 use crate::container::{BrickSink, FileWriter, FinishOptions, LogWriter, Node, NodeFlags, NodeKind, VolumeDescriptor};
 use crate::error::{Error, Result};
-use crate::limits;
 use crate::supercompression;
 use crate::volume::Volume;
 use crate::volume::encode::Progress;
@@ -23,8 +22,8 @@ pub(super) struct Copier<'a> {
     pub(super) zstd: ZstdPolicy,
     /// Whether bounds in nodes are not those of what is copied: they are then found by decoding.
     pub(super) measure: bool,
-    /// Added to the numbers of codebooks in payloads.
-    pub(super) first_book: u32,
+    /// New numbers of codebooks by those in payloads; where there is none, the same.
+    pub(super) books: Vec<u32>,
     /// New entries of the codec table by old ones; where there is none, the same.
     pub(super) codecs: Vec<u8>,
     /// Whether bricks that cannot be copied are left out, and listed.
@@ -107,7 +106,7 @@ impl Excerpt<'_> {
             |copied: &Copied| VolumeDescriptor { payload_bytes: copied.payload_bytes, ..self.descriptor().clone() };
         let mut committed = 0;
         let copied = copier.run(&items, &mut sink, progress, &mut |sink, copied| {
-            if copied.stored_bytes - committed < CHECKPOINT_BYTES {
+            if !sink.checkpoint_due(copied.stored_bytes - committed, CHECKPOINT_BYTES) {
                 return Ok(());
             }
             committed = copied.stored_bytes;
@@ -120,7 +119,7 @@ impl Excerpt<'_> {
 
 impl<'a> Copier<'a> {
     pub(super) fn new(volume: &'a Volume, zstd: ZstdPolicy, measure: bool) -> Self {
-        Copier { volume, zstd, measure, first_book: 0, codecs: Vec::new(), tolerant: false }
+        Copier { volume, zstd, measure, books: Vec::new(), codecs: Vec::new(), tolerant: false }
     }
 
     /// Copies `items` in their order; `after` is called after each group of them.
@@ -198,8 +197,9 @@ impl<'a> Copier<'a> {
             node = Node::new_stored(node.codec, own_flags(&node), range, own_error(&node));
         }
         node.codec = self.codecs.get(usize::from(node.codec)).copied().unwrap_or(node.codec);
-        if self.first_book > 0 && matches!(volume.codecs.get(item.node.codec)?.codec(), Codec::Zerobit(_)) {
-            let payload = renumbered(if zstd { inflate()? } else { stored.to_vec() }, self.first_book, &item.node)?;
+        let moved = (0u32..).zip(&self.books).any(|(old, &new)| old != new);
+        if moved && matches!(volume.codecs.get(item.node.codec)?.codec(), Codec::Zerobit(_)) {
+            let payload = renumbered(if zstd { inflate()? } else { stored.to_vec() }, &self.books, &item.node)?;
             let keeps = self.zstd == ZstdPolicy::Compress || (self.zstd == ZstdPolicy::Keep && zstd);
             let frame = if keeps { supercompression::compress(&payload)? } else { None };
             node.flags = with_zstd(node.flags, frame.is_some());
@@ -243,13 +243,16 @@ fn with_zstd(flags: NodeFlags, zstd: bool) -> NodeFlags {
     NodeFlags(flags.0 & !NodeFlags::ZSTD.0 | if zstd { NodeFlags::ZSTD.0 } else { 0 })
 }
 
-/// A zerobit payload that names a codebook `first` further on: its number is the payload's first word (spec 14.4).
-fn renumbered(mut payload: Vec<u8>, first: u32, node: &Node) -> Result<Vec<u8>> {
+/// A zerobit payload that names its codebook by its number in the new file: the payload's first word (spec 14.4).
+fn renumbered(mut payload: Vec<u8>, books: &[u32], node: &Node) -> Result<Vec<u8>> {
     let Some((number, _)) = payload.split_first_chunk_mut::<4>() else {
         return Err(Error::at(crate::Code::Size, node.offset, "brick.payload", "no codebook is named"));
     };
-    let new = u64::from(u32::from_le_bytes(*number)) + u64::from(first);
-    limits::check("zerobit.codebook", new, limits::MAX_CODEBOOKS - 1)?;
-    *number = u32::try_from(new).expect("below 4,096").to_le_bytes();
+    let old = u32::from_le_bytes(*number);
+    let Some(new) = usize::try_from(old).ok().and_then(|old| books.get(old)) else {
+        let message = format!("codebook {old} is named, but there are {}", books.len());
+        return Err(Error::at(crate::Code::Ref, node.offset, "zerobit.codebook", message));
+    };
+    *number = new.to_le_bytes();
     Ok(payload)
 }

@@ -1,19 +1,22 @@
 //! What a series is with further time steps behind it, and how these have to be encoded to fit.
 
 use crate::codec::Codec;
+use crate::codec::zerobit::Book;
 use crate::container::{Achieved, FinishOptions, VolumeDescriptor};
 use crate::error::{Code, Error, Result};
 use crate::limits;
 use crate::time::Times;
 use crate::volume::Volume;
 use crate::volume::options::{CodecChoice, EncodeOptions, Quality, ZerobitOptions};
+use std::collections::BTreeMap;
 
 /// What the log will say, and how what is copied has to be changed.
 pub(super) struct Plan {
     /// The joined volume; its payload bytes are those of the log so far.
     pub(super) descriptor: VolumeDescriptor,
     pub(super) options: FinishOptions,
-    pub(super) first_book: u32,
+    /// Numbers of codebooks in the log by those in the steps.
+    pub(super) books: Vec<u32>,
     pub(super) codecs: Vec<u8>,
 }
 
@@ -25,19 +28,11 @@ pub(super) fn fitting(log: &Volume, steps: &Volume, times: Option<Times>) -> Res
     check_same(log.info(), steps.info())?;
     let mut options = log.kept()?;
     options.times = joined_times(options.times.take(), times)?;
-    let own = steps.kept()?.codebooks;
-    let first_book = options.codebooks.as_ref().map_or(0, |c| c.1);
-    if let Some((bytes, count)) = own {
-        let (mut all, before) = options.codebooks.take().unwrap_or_default();
-        limits::check("codebooks", before.saturating_add(count), limits::MAX_CODEBOOKS)?;
-        all.extend(bytes);
-        options.codebooks = Some((all, before + count));
-    }
+    let books = add_books(&mut options, log, steps)?;
     let mut descriptor = joined(log.info(), steps.info())?;
     let codecs = add_codecs(&mut descriptor, steps.info())?;
     descriptor.check()?;
-    #[allow(clippy::cast_possible_truncation, reason = "at most 4,096")]
-    Ok(Plan { descriptor, options, first_book: first_book as u32, codecs })
+    Ok(Plan { descriptor, options, books, codecs })
 }
 
 fn check_same(log: &VolumeDescriptor, steps: &VolumeDescriptor) -> Result<()> {
@@ -95,6 +90,54 @@ fn joined(log: &VolumeDescriptor, steps: &VolumeDescriptor) -> Result<VolumeDesc
         replaced: log.replaced.saturating_add(steps.replaced),
         ..log.clone()
     })
+}
+
+/// Adds the codebooks of `steps` that are not there yet; the number of each of its codebooks is then.
+fn add_books(options: &mut FinishOptions, log: &Volume, steps: &Volume) -> Result<Vec<u32>> {
+    let bytes_of = |volume: &Volume| -> Result<Vec<Vec<u8>>> {
+        let t = volume.info().sample_type;
+        let bytes = |book: &Book| {
+            let mut bytes = Vec::new();
+            book.write_to(t, &mut bytes);
+            bytes
+        };
+        Ok(volume.codebooks()?.iter().map(bytes).collect())
+    };
+    let new = bytes_of(steps)?;
+    if new.is_empty() {
+        return Ok(Vec::new());
+    }
+    let mut known = BTreeMap::new();
+    for (number, book) in (0u32..).zip(bytes_of(log)?) {
+        known.entry(book).or_insert(number);
+    }
+    let (mut all, mut count) = options.codebooks.take().unwrap_or_default();
+    let mut numbers = Vec::with_capacity(new.len());
+    for book in new {
+        let number = match known.get(&book) {
+            Some(&number) => number,
+            None => {
+                let number = u32::try_from(count).ok().filter(|&n| u64::from(n) < limits::MAX_CODEBOOKS);
+                let Some(number) = number else { return Err(too_many_books()) };
+                all.extend(&book);
+                count += 1;
+                known.insert(book, number);
+                number
+            }
+        };
+        numbers.push(number);
+    }
+    options.codebooks = Some((all, count));
+    Ok(numbers)
+}
+
+fn too_many_books() -> Error {
+    let message = format!(
+        "the file would have more than {} codebooks: each step whose codebooks differ brings its own. Begin another log \
+         with this step (`vug pack --log`), or encode the steps with another codec",
+        limits::MAX_CODEBOOKS
+    );
+    Error::new(Code::Limit, "codebooks", message)
 }
 
 /// Adds the codec entries of `steps` that are not there yet; where each of its entries is then.
