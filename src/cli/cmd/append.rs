@@ -2,10 +2,11 @@
 
 use super::copy::add_report;
 use crate::cli::args::{Append, NanArg};
+use crate::cli::fetch;
 use crate::cli::load::{check_import, import_options, is_vug};
 use crate::cli::open::open_volume;
 use crate::cli::output::{Verdict, bytes_text, progress};
-use crate::convert;
+use crate::convert::ImportOptions;
 use crate::error::{Error, Result};
 use crate::limits::Limits;
 use crate::source::FileSource;
@@ -68,7 +69,12 @@ fn encoded(args: &Append, source: &Path, log: &Volume) -> Result<(Volume, Option
         let times = steps.times()?;
         return Ok((steps, times));
     }
-    let mut import = convert::import(source, &import_options(source, &args.import)?)?;
+    let options = import_options(source, &args.import)?;
+    let options = ImportOptions { memory: args.memory / 2, temp_dir: Some(temp_dir(args)), ..options };
+    let mut import = fetch::import(source, &options)?;
+    if import.spooled > 0 && !args.common.quiet {
+        eprintln!("note: {} of samples wait in a temporary file: memory has no room", bytes_text(import.spooled));
+    }
     let d = log.info();
     let (extent, t) = (import.reader.extent(), import.reader.sample_type());
     let channels = import.reader.series().1;
@@ -91,6 +97,7 @@ fn encoded(args: &Append, source: &Path, log: &Volume) -> Result<(Volume, Option
         },
         // That of the source: where it is not the log's, appending says so.
         value_map: import.value_map,
+        memory: args.memory,
         temp_dir: Some(temp_dir(args)),
         ..log.encode_options()?
     };

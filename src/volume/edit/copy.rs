@@ -90,7 +90,7 @@ impl Excerpt<'_> {
     /// ([`Excerpt::finish_options`]). Payloads are checked against their CRC. They are decoded only where levels are
     /// dropped below them, whose values the bounds in the index include.
     ///
-    /// Memory: some 100 bytes per brick, and 16 MiB of payloads. `progress` gets bytes copied and in all.
+    /// Memory: some 100 bytes per brick, 16 MiB of payloads, and 64 MiB of those that are inflated (or one brick). `progress` gets bytes copied and in all.
     ///
     /// # Errors
     /// `E_PAGE_CRC`, `E_DIR_CRC`, `E_BRICK_CRC`, `E_SIZE`, `E_ZSTD` for what is damaged, `E_REPLACED`; `E_CODEC` where a
@@ -133,7 +133,7 @@ impl<'a> Copier<'a> {
     ) -> Result<Copied> {
         let total: u64 = items.iter().map(|i| u64::from(i.node.stored_len)).sum();
         let mut copied = Copied::default();
-        for group in groups(items) {
+        for group in groups(items, |item| self.inflated(item)) {
             let (stored, mut failed) = self.read(group)?;
             let ready: Vec<Result<Option<Ready<'_>>>> =
                 group.par_iter().zip(&stored).map(|(item, bytes)| self.ready(item, bytes)).collect();
@@ -160,6 +160,23 @@ impl<'a> Copier<'a> {
             after(sink, &copied)?;
         }
         Ok(copied)
+    }
+
+    /// The most bytes that a brick takes besides its stored ones: those of its payload where it is inflated or changed.
+    fn inflated(&self, item: &Item) -> u64 {
+        if item.node.kind != NodeKind::Stored {
+            return 0;
+        }
+        let changes = self.measure || self.first_book > 0;
+        if !item.node.flags.contains(NodeFlags::ZSTD) {
+            return if changes { u64::from(item.node.stored_len) } else { 0 };
+        }
+        if !changes && self.zstd != ZstdPolicy::Inflate {
+            return 0;
+        }
+        let (level, brick) = item.from;
+        // Bricks that cannot be looked at are not inflated either.
+        self.volume.payload_lens(&item.node, level, brick).map_or(0, |[_, most]| most)
     }
 
     /// The stored bytes of a group; of what cannot be read nothing, and why.
