@@ -69,6 +69,41 @@ fn volumes_are_fetched_wherever_a_file_is_read() {
 }
 
 #[test]
+fn time_steps_are_fetched() {
+    let temp = tempfile::tempdir().unwrap();
+    let d = temp.path();
+    let grid = support::ball(Extent::new(40, 30, 20));
+    fs::write(d.join("a.raw"), grid.bytes()).unwrap();
+    let raw = ["--shape", "40,30,20", "--dtype", "u8"];
+    let (code, _, err) = vug(d, &[&["encode", "a.raw", "a.vug", "--log", "--codec", "raw"], &raw[..]].concat());
+    assert_eq!(code, 0, "{err}");
+    let server = Server::of(grid.bytes().to_vec());
+    let (code, _, err) = vug(d, &[&["append", "a.vug", &server.url("a.raw")], &raw[..]].concat());
+    assert!(code == 0 && err.is_empty(), "{err}");
+    // One that is compressed, and larger than what memory may be taken: it waits beside the log.
+    let server = served(d, &grid, "a.nii.gz");
+    let (code, _, err) = vug(d, &["append", "a.vug", &server.url("a.nii.gz?key=1"), "--memory", "20K"]);
+    assert!(code == 0 && err.contains("temporary"), "{err}");
+    // Encoded already.
+    let server = Server::of(fs::read(d.join("a.vug")).unwrap());
+    let (code, _, err) = vug(d, &["append", "a.vug", &server.url("b.vug")]);
+    assert_eq!(code, 0, "{err}");
+    let volume = vug::volume::Volume::open_path(d.join("a.vug")).unwrap();
+    assert_eq!(volume.info().time_steps, 6);
+    for time in 0..6 {
+        let at = vug::volume::At { time, ..Default::default() };
+        assert_eq!(volume.read(at).unwrap().bytes(), grid.bytes(), "step {time}");
+    }
+    // What was fetched goes again.
+    let mut names: Vec<_> = fs::read_dir(d).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+    names.sort();
+    assert_eq!(names, ["a.nii.gz", "a.raw", "a.vug", "temp"]);
+    server.change(|mode| mode.fail = [(404, None), (404, None)].into());
+    let (code, _, err) = vug(d, &[&["append", "a.vug", &server.url("a.raw")], &raw[..]].concat());
+    assert!(code == 3 && err.contains("404"), "{err}");
+}
+
+#[test]
 fn what_cannot_be_fetched_says_why() {
     let temp = tempfile::tempdir().unwrap();
     let d = temp.path();

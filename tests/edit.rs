@@ -302,7 +302,7 @@ impl ByteSource for Remote {
     }
 }
 
-#[test] // C-19
+#[test]
 fn an_excerpt_reads_only_what_it_keeps() {
     // 20 × 20 × 20 bricks of 16³: 27 pages of 512 bricks.
     let mut grid = noise(Extent::cube(320), |h| (h >> 24) as u8);

@@ -11,7 +11,9 @@ use vug::codec::Codec;
 use vug::grid::SlabReader;
 use vug::limits::Limits;
 use vug::source::FileSource;
-use vug::volume::{At, Axis, CodecChoice, EncodeOptions, Shape, Volume, VolumeWriter, encode, verify};
+use vug::volume::{
+    At, Axis, CodecChoice, CopyOptions, EncodeOptions, Shape, Volume, VolumeWriter, ZstdPolicy, encode, verify,
+};
 use vug::{Extent, Grid, Region, SampleType};
 
 const MIB: usize = 1 << 20;
@@ -96,6 +98,31 @@ fn memory_is_kept_within() {
         }
     }
     assert!(files.windows(2).all(|pair| pair[0] == pair[1]), "memory and threads do not show");
+}
+
+#[test] // S-05: bricks that inflate much are not all inflated at once
+fn inflating_keeps_memory_within() {
+    let _alone = ALONE.lock().unwrap_or_else(|e| e.into_inner());
+    // 10 bricks of 256³ bytes, one voxel of which is another than all others.
+    let shape = Shape::single(Extent::new(2560, 256, 256), SampleType::U8);
+    let options = EncodeOptions::default();
+    let mut file = std::io::Cursor::new(Vec::new());
+    let mut writer = VolumeWriter::create(&mut file, shape, Codec::Raw, 8, &options).unwrap();
+    let mut brick = Grid::zeros(Extent::cube(256), SampleType::U8).unwrap();
+    brick.samples_mut::<u8>()[12345] = 1;
+    for x in 0..10 {
+        writer.write_brick(At::default(), [x, 0, 0], brick.view()).unwrap();
+    }
+    drop(writer.finish().unwrap());
+    assert!(file.get_ref().len() < 1 << 20, "{}", file.get_ref().len());
+    let volume = support::open(file.into_inner());
+    let excerpt = volume.excerpt(&CopyOptions { zstd: ZstdPolicy::Inflate, ..CopyOptions::default() }).unwrap();
+    let out = tempfile::tempfile().unwrap();
+    let ((out, report), heap) = peak(|| excerpt.write_head(out, &mut |_, _| {}).unwrap());
+    println!("{} bricks of 16 MiB inflated: {:.1} MiB of heap", report.converted, heap as f64 / MIB as f64);
+    assert_eq!((report.converted, report.file.stored), (10, 10));
+    assert!(out.metadata().unwrap().len() > 160 << 20);
+    assert!(heap < 72 * MIB, "{heap} bytes");
 }
 
 /// 2^48 voxels; the largest there can be.

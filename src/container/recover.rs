@@ -68,7 +68,8 @@ pub struct Recovery {
 /// layout with a damaged index. The superblock must be whole; of a head file also section table and volume descriptor, of a
 /// log any commit.
 ///
-/// Reads what the index names once, and where something is missing, the whole file (spec: LOG-11).
+/// Reads what the index names once, and where something is missing, the whole file (spec: LOG-11). Memory: a few hundred
+/// bytes for each brick that lives or is lost; each has 32 bytes of its own in the file, at least.
 ///
 /// # Errors
 /// Those of opening, where there is nothing to start from: `E_COMMIT` for a log without a whole commit.
@@ -112,15 +113,18 @@ fn open(len: u64, limits: &Limits, read: &mut Read<'_>) -> Result<Head> {
     // No commit in reach of a reader: any commit of the file will do, the last one best.
     let head = read(0, SUPERBLOCK_BYTES)?;
     let file_id = Superblock::read_from(&head)?.file_id;
-    let mut found = None;
+    // Commits do not overlap: together they are no longer than the file, but for what is no commit.
+    let (mut found, mut budget) = (None, len.saturating_mul(TIMES_OVER));
     scan(FIRST_RECORD, len, read, &mut |at, bytes, read| {
         if let Ok(record) = Record::read_from(bytes, at, &file_id)
             && record.kind == RecordKind::Commit
-            && record.len <= limits.table_bytes
-            && check_commit_at(at, &record, &file_id, read).is_ok()
+            && record.len <= limits.table_bytes.min(budget)
         {
-            found = Some(record.end(at));
-            return record.end(at);
+            budget -= record.len;
+            if check_commit_at(at, &record, &file_id, read).is_ok() {
+                found = Some(record.end(at));
+                return record.end(at);
+            }
         }
         at + 16
     });
@@ -184,14 +188,24 @@ impl Search {
         }
     }
 
-    /// Bricks that the index names.
+    /// Bricks that the index names: of pages that together are no longer than their section, as readers hold them to. Each
+    /// brick that is kept, live or lost, thus has bytes of its own in the file (spec: LOG-11).
     fn index(&mut self, read: &mut Read<'_>) {
         if let Some(why) = self.head.directory_lost.clone() {
             self.damaged(Error::new(Code::DirCrc, "PDIR", why));
         }
         let most = self.len;
+        // What the file says of its length may be false.
+        let section = self.head.section_range(*b"PAGE");
+        let (mut chunks, mut room) = (self.len, (section.end - section.start).min(self.len));
         for chunk in self.head.directory.clone() {
             self.named = self.named.max(chunk.offset.saturating_add(chunk.byte_len() as u64));
+            let Some(left) = chunks.checked_sub(chunk.byte_len() as u64) else {
+                let message = "the chunks of the directory are longer than the file; the rest is not looked at";
+                self.damaged(Error::at(Code::SectionOverlap, chunk.offset, "PDIR.offset", message));
+                return;
+            };
+            chunks = left;
             let entries = fetch(&self.head, chunk.offset, chunk.byte_len() as u64, most, read)
                 .and_then(|bytes| parse_chunk(&bytes, &chunk, &self.head));
             let entries = match entries {
@@ -202,6 +216,12 @@ impl Search {
                 }
             };
             for (ordinal, entry) in (chunk.ordinal * CHUNK_PAGES..).zip(entries).filter(|(_, e)| !e.is_empty()) {
+                let Some(left) = room.checked_sub(entry.byte_len() as u64) else {
+                    let message = "the pages are longer than their section: some overlap; the rest is not looked at";
+                    self.damaged(Error::at(Code::SectionOverlap, entry.offset, "page_entry.offset", message));
+                    return;
+                };
+                room = left;
                 if let Err(e) = self.page(ordinal, &entry, read) {
                     self.damaged(e);
                 }

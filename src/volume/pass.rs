@@ -181,7 +181,7 @@ impl Budget {
                 "a row of bricks takes {} bytes, more than there is for it of the {} that may be used; allow more memory (--memory {}M will do) or take smaller bricks (--brick)",
                 held(1),
                 source.memory,
-                (2 * (held(1) + in_work) >> 20) + 1
+                ((2 * (held(1) + in_work)) >> 20) + 1
             );
             return Err(Error::new(Code::Limit, "memory", message));
         }

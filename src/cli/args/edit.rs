@@ -1,7 +1,7 @@
 //! Commands that make a `.vug` file of another one.
 
 use super::encode::NanArg;
-use super::parse::{parse_file_id, parse_region, parse_span};
+use super::parse::{parse_bytes, parse_file_id, parse_region, parse_span};
 use super::{Common, Import};
 use crate::geometry::Region;
 use clap::Args;
@@ -111,9 +111,12 @@ Examples:
 pub(in crate::cli) struct Append {
     /// Log to append to
     pub(in crate::cli) file: PathBuf,
-    /// Volumes to append: any readable file
+    /// Volumes to append: any readable file or address
     #[arg(required = true)]
     pub(in crate::cli) sources: Vec<PathBuf>,
+    /// Cut off finished bricks that a stopped writer left behind the last commit
+    #[arg(long)]
+    pub(in crate::cli) cut: bool,
     /// Times of the new steps, where FILE has times, in its unit [default: what SOURCE says, else FILE's interval goes on]
     #[arg(long, value_name = "T,…", value_delimiter = ',', allow_negative_numbers = true)]
     pub(in crate::cli) time: Vec<f64>,
@@ -123,6 +126,9 @@ pub(in crate::cli) struct Append {
     /// NaN and infinities
     #[arg(long, value_enum, default_value = "reject")]
     pub(in crate::cli) nan: NanArg,
+    /// Memory to keep within, with K, M or G behind it; what does not fit goes to temporary files
+    #[arg(long, value_name = "BYTES", default_value = "1G", value_parser = parse_bytes)]
+    pub(in crate::cli) memory: u64,
     /// Folder for temporary files [default: that of FILE]
     #[arg(long, value_name = "DIR")]
     pub(in crate::cli) temp_dir: Option<PathBuf>,

@@ -2,10 +2,11 @@
 
 use super::copy::add_report;
 use crate::cli::args::{Append, NanArg};
+use crate::cli::fetch;
 use crate::cli::load::{check_import, import_options, is_vug};
 use crate::cli::open::open_volume;
 use crate::cli::output::{Verdict, bytes_text, progress};
-use crate::convert;
+use crate::convert::ImportOptions;
 use crate::error::{Error, Result};
 use crate::limits::Limits;
 use crate::source::FileSource;
@@ -19,8 +20,21 @@ pub(super) fn run(args: &Append) -> Result<Verdict> {
     check_import(&sources, &args.import)?;
     let mut log = Appender::open(&args.file)?;
     let unfinished = log.unfinished_bytes();
+    let bricks = log.unfinished_bricks()?;
+    if bricks > 0 && !args.cut {
+        let message = format!(
+            "{bricks} finished bricks lie behind the last commit of {}, whose writer was stopped: save them first (`vug recover {0} SAVED`, then `vug pack --log SAVED LOG`), or cut them off (--cut)",
+            args.file.display()
+        );
+        return Err(Error::param("log", message));
+    }
     if unfinished > 0 && !args.common.quiet {
         eprintln!("note: {unfinished} bytes behind the last commit, which a killed writer left, are cut off");
+    }
+    if !args.time.is_empty() && args.time.len() < sources.len() {
+        // Each source has a step at least: what does not fit is said before the first is appended.
+        let message = format!("{} times for {} sources", args.time.len(), sources.len());
+        return Err(Error::param("time", message));
     }
     let mut times = args.time.iter().copied();
     let mut reports = Vec::new();
@@ -85,7 +99,12 @@ fn encoded(args: &Append, source: &Path, log: &Volume) -> Result<(Volume, Option
         let times = steps.times()?;
         return Ok((steps, times));
     }
-    let mut import = convert::import(source, &import_options(source, &args.import)?)?;
+    let options = import_options(source, &args.import)?;
+    let options = ImportOptions { memory: args.memory / 2, temp_dir: Some(temp_dir(args)), ..options };
+    let mut import = fetch::import(source, &options)?;
+    if import.spooled > 0 && !args.common.quiet {
+        eprintln!("note: {} of samples wait in a temporary file: memory has no room", bytes_text(import.spooled));
+    }
     let d = log.info();
     let (extent, t) = (import.reader.extent(), import.reader.sample_type());
     let channels = import.reader.series().1;
@@ -108,6 +127,7 @@ fn encoded(args: &Append, source: &Path, log: &Volume) -> Result<(Volume, Option
         },
         // That of the source: where it is not the log's, appending says so.
         value_map: import.value_map,
+        memory: args.memory,
         temp_dir: Some(temp_dir(args)),
         ..log.encode_options()?
     };

@@ -1,11 +1,12 @@
 //! What `pack`, `repack` and `extract` share: bricks go from one file to another as they are.
 
 use crate::cli::args::{Common, Write};
-use crate::cli::open::open_volume;
+use crate::cli::open::open_source;
 use crate::cli::output::{bytes_text, check_target, progress};
 use crate::error::Result;
+use crate::limits::Limits;
 use crate::source::AtomicFile;
-use crate::volume::{CopyOptions, CopyReport, Excerpt};
+use crate::volume::{CopyOptions, CopyReport, Excerpt, Volume};
 use serde_json::{Value, json};
 use std::path::Path;
 
@@ -25,9 +26,15 @@ pub(super) struct Copy<'a> {
 /// Copies, and says what was copied; `notes` has remarks on the excerpt.
 pub(super) fn run(copy: &Copy<'_>, notes: impl Fn(&Excerpt<'_>) -> Vec<String>) -> Result<()> {
     check_target(copy.source, copy.target)?;
-    let volume = open_volume(copy.source)?;
+    let volume = Volume::open(open_source(copy.source)?, Limits::default())?;
     let excerpt = volume.excerpt(&CopyOptions { file_id: copy.write.file_id, ..copy.options.clone() })?;
-    let notes = notes(&excerpt);
+    let mut notes = notes(&excerpt);
+    let unfinished = volume.head().unfinished();
+    if unfinished > 0 {
+        notes.push(format!(
+            "{unfinished} bytes behind the last commit, which a writer did not finish, are left out; `vug recover` saves what is whole of them"
+        ));
+    }
     let mut json = describe(&excerpt);
     let text = summary(&excerpt);
     let mut file = AtomicFile::create(copy.target, copy.write.force)?;

@@ -138,6 +138,39 @@ fn commits_out_of_a_readers_reach_are_found() {
 }
 
 #[test] // spec: LOG-11
+fn pages_that_overlap_are_not_believed() {
+    // 8 pages, two of which have nodes: CONSTANT ones, which need no byte but that of the index.
+    let mut d = descriptor([256; 3], 1);
+    d.payload_bytes = 0;
+    let mut w = FileWriter::new(std::io::Cursor::new(Vec::new()), &d).unwrap();
+    let constant = Node::new_constant(crate::voxel::SampleValue::U8(9), NodeFlags::LOSSLESS, Some(0.0));
+    for brick in (0..512).map(crate::geometry::unmorton8).chain([[8; 3]]) {
+        w.put_constant(0, 0, brick, &constant).unwrap();
+    }
+    let file = w.finish(&d, FinishOptions::default()).unwrap().0.into_inner();
+    assert!(strict(&file).is_empty(), "{:?}", strict(&file));
+    assert_eq!(recovered(&file).bricks.len(), 513);
+    let places = Places::of(&file);
+    let (chunk, pages) = (places.chunk as usize, places.head.section_range(*b"PAGE"));
+    let mut bad = file.clone();
+    for entry in 1..8 {
+        bad.copy_within(chunk..chunk + 16, chunk + entry * 16);
+    }
+    reseal(&mut bad);
+    let found = recovered(&bad);
+    assert_eq!(found.damage.iter().map(told).collect::<Vec<_>>(), [(Code::SectionOverlap, Some(pages.start))]);
+    assert_eq!((found.bricks.len(), found.lost.len()), (512, 0), "no more than the section has nodes for");
+    // Nor where file and section are said to be longer than the bytes that there are.
+    let entry = places.entry(*b"PAGE");
+    set(&mut bad, entry + 16, &(1u64 << 40).to_le_bytes());
+    set(&mut bad, entry + 24, &(1u64 << 40).to_le_bytes());
+    set(&mut bad, 40, &(1u64 << 41).to_le_bytes());
+    reseal(&mut bad);
+    let most = bad.len() / 32;
+    assert!(recovered(&bad).bricks.len() <= most, "a node has 32 bytes of its own");
+}
+
+#[test] // spec: LOG-11
 fn bad_sectors_take_no_neighbours_along() {
     let log = small_log();
     let commit = *commits(&log).last().unwrap();

@@ -3,7 +3,7 @@
 use super::CopyReport;
 use super::copy::{Copied, Copier};
 use super::steps::{Plan, fitting};
-use crate::container::{BrickSink, LogWriter, VolumeDescriptor};
+use crate::container::{BrickSink, LEADER_BYTES, LogWriter, VolumeDescriptor, find_leaders};
 use crate::error::{Code, Error, Result};
 use crate::limits::{self, Limits};
 use crate::source::FileSource;
@@ -13,6 +13,9 @@ use crate::volume::{CopyOptions, Volume};
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{self, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
+
+/// Bytes searched for leaders at a time.
+const SCAN_BYTES: usize = 4 << 20;
 
 /// A log file that is open for appending; nobody else can append to it meanwhile.
 ///
@@ -78,6 +81,27 @@ impl Appender {
     #[must_use]
     pub fn unfinished_bytes(&self) -> u64 {
         self.cut
+    }
+
+    /// Finished bricks behind the last commit that belong to time steps the log has: `vug recover` would save them, the
+    /// next append cuts them off. Those of an append that was killed are not counted: their step is not there.
+    ///
+    /// # Errors
+    /// `E_SOURCE`.
+    pub fn unfinished_bricks(&self) -> Result<u64> {
+        let Some(commit) = self.volume.head.commit else { return Ok(0) };
+        let (mut at, end, mut found) = (commit.end, self.volume.file_len(), 0);
+        while at < end {
+            let len = usize::try_from(end - at).map_or(SCAN_BYTES, |left| left.min(SCAN_BYTES));
+            let bytes = self.volume.source.read(at, len)?;
+            for (place, leader) in find_leaders(&bytes, at, &self.volume.head.superblock.file_id) {
+                let next = place.saturating_add(LEADER_BYTES as u64).saturating_add(u64::from(leader.stored_len));
+                found += u64::from(leader.tree < self.volume.info().trees() && next <= end);
+            }
+            // Windows overlap by a leader, so that none is cut in two, and none is seen twice.
+            at += if len < SCAN_BYTES { len } else { SCAN_BYTES - (LEADER_BYTES - 16) } as u64;
+        }
+        Ok(found)
     }
 
     /// Appends all time steps of `steps`: a volume of the same dims, sample type, channels, levels, down-sampling, bricks

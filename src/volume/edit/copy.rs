@@ -89,7 +89,7 @@ impl Excerpt<'_> {
     /// ([`Excerpt::finish_options`]). Payloads are checked against their CRC. They are decoded only where levels are
     /// dropped below them, whose values the bounds in the index include.
     ///
-    /// Memory: some 100 bytes per brick, and 16 MiB of payloads. `progress` gets bytes copied and in all.
+    /// Memory: some 100 bytes per brick, 16 MiB of payloads, and 64 MiB of those that are inflated (or one brick). `progress` gets bytes copied and in all.
     ///
     /// # Errors
     /// `E_PAGE_CRC`, `E_DIR_CRC`, `E_BRICK_CRC`, `E_SIZE`, `E_ZSTD` for what is damaged, `E_REPLACED`; `E_CODEC` where a
@@ -132,7 +132,7 @@ impl<'a> Copier<'a> {
     ) -> Result<Copied> {
         let total: u64 = items.iter().map(|i| u64::from(i.node.stored_len)).sum();
         let mut copied = Copied::default();
-        for group in groups(items) {
+        for group in groups(items, |item| self.inflated(item)) {
             let (stored, mut failed) = self.read(group)?;
             let ready: Vec<Result<Option<Ready<'_>>>> =
                 group.par_iter().zip(&stored).map(|(item, bytes)| self.ready(item, bytes)).collect();
@@ -159,6 +159,28 @@ impl<'a> Copier<'a> {
             after(sink, &copied)?;
         }
         Ok(copied)
+    }
+
+    /// Whether codebooks have other numbers in the copy.
+    fn moves_books(&self) -> bool {
+        (0u32..).zip(&self.books).any(|(old, &new)| old != new)
+    }
+
+    /// The most bytes that a brick takes besides its stored ones: those of its payload where it is inflated or changed.
+    fn inflated(&self, item: &Item) -> u64 {
+        if item.node.kind != NodeKind::Stored {
+            return 0;
+        }
+        let changes = self.measure || self.moves_books();
+        if !item.node.flags.contains(NodeFlags::ZSTD) {
+            return if changes { u64::from(item.node.stored_len) } else { 0 };
+        }
+        if !changes && self.zstd != ZstdPolicy::Inflate {
+            return 0;
+        }
+        let (level, brick) = item.from;
+        // Bricks that cannot be looked at are not inflated either.
+        self.volume.payload_lens(&item.node, level, brick).map_or(0, |[_, most]| most)
     }
 
     /// The stored bytes of a group; of what cannot be read nothing, and why.
@@ -197,7 +219,7 @@ impl<'a> Copier<'a> {
             node = Node::new_stored(node.codec, own_flags(&node), range, own_error(&node));
         }
         node.codec = self.codecs.get(usize::from(node.codec)).copied().unwrap_or(node.codec);
-        let moved = (0u32..).zip(&self.books).any(|(old, &new)| old != new);
+        let moved = self.moves_books();
         if moved && matches!(volume.codecs.get(item.node.codec)?.codec(), Codec::Zerobit(_)) {
             let payload = renumbered(if zstd { inflate()? } else { stored.to_vec() }, &self.books, &item.node)?;
             let keeps = self.zstd == ZstdPolicy::Compress || (self.zstd == ZstdPolicy::Keep && zstd);

@@ -6,7 +6,7 @@ use super::excerpt::Item;
 use crate::container::{
     self, BrickSink, FileSummary, FileWriter, FinishOptions, LiveBrick, Recovery, VolumeDescriptor,
 };
-use crate::error::{Error, Result};
+use crate::error::{Code, Error, Result};
 use crate::geometry::Coord;
 use crate::limits::Limits;
 use crate::source::ByteSource;
@@ -62,14 +62,25 @@ pub fn recover<W: Write + Seek>(
         let len = source.len();
         let mut read = |offset: u64, len: usize| {
             let mut bytes = Vec::new();
-            bytes.try_reserve_exact(len).map_err(|_| {
-                Error::at(crate::Code::Limit, offset, "memory", format!("{len} bytes cannot be allocated"))
-            })?;
+            bytes
+                .try_reserve_exact(len)
+                .map_err(|_| Error::at(Code::Limit, offset, "memory", format!("{len} bytes cannot be allocated")))?;
             bytes.resize(len, 0);
             source.read_at(offset, &mut bytes).map(|()| bytes)
         };
         container::recover(len, &limits, &mut read)?
     };
+    // A file that was replaced meanwhile, or a server that fails, has lost nothing: what was read is no finding.
+    let far = source.connections() > 1;
+    let no_finding = |e: &Error| e.code() == Code::Replaced || (far && e.code() == Code::Source);
+    let mut damage = damage;
+    let mut lost = lost;
+    if let Some(i) = damage.iter().position(no_finding) {
+        return Err(damage.swap_remove(i));
+    }
+    if let Some(i) = lost.iter().position(|l| no_finding(&l.error)) {
+        return Err(lost.swap_remove(i).error);
+    }
     let volume = Volume::of_head(Box::new(source), head, limits)?;
     let d = volume.info().clone();
     let whole = damage.is_empty() && lost.is_empty() && bricks.iter().all(|b| b.indexed);
@@ -78,7 +89,10 @@ pub fn recover<W: Write + Seek>(
     // As they lie in the file: what was whole is then the file that packing gives.
     items.sort_by_key(Item::in_file);
     let mut sink = FileWriter::new(out, &d)?;
-    let copied = copier.run(&items, &mut sink, progress, &mut |_, _| Ok(()))?;
+    let mut copied = copier.run(&items, &mut sink, progress, &mut |_, _| Ok(()))?;
+    if let Some(i) = copied.lost.iter().position(|(_, e)| no_finding(e)) {
+        return Err(copied.lost.swap_remove(i).1);
+    }
     let at =
         |(tree, level, _): container::Place| At { time: tree / d.channels, channel: tree % d.channels, lod: level };
     let mut lost: Vec<(At, Coord, Error)> = lost.into_iter().map(|l| (at(l.place), l.place.2, l.error)).collect();

@@ -13,19 +13,22 @@ use std::borrow::Cow;
 
 /// Payload bytes that are held at a time, as they are stored.
 const GROUP_BYTES: u64 = 16 << 20;
-/// Bricks looked at side by side at most: they may be decoded.
+/// Payload bytes that are held at a time besides, inflated or changed; a group has one brick at least.
+const GROUP_INFLATED_BYTES: u64 = 64 << 20;
+/// Bricks looked at side by side at most.
 const GROUP_BRICKS: usize = 256;
 /// Ranges closer together than this are read in one go: leader, guard and alignment of neighbouring bricks.
 const MERGE_GAP: u64 = 512;
 
-/// Bricks that are read and looked at together.
-pub(super) fn groups(items: &[Item]) -> impl Iterator<Item = &[Item]> {
+/// Bricks that are read and looked at together. `inflated` says how many bytes a brick may take besides its stored ones.
+pub(super) fn groups(items: &[Item], inflated: impl Fn(&Item) -> u64) -> impl Iterator<Item = &[Item]> {
     let mut rest = items;
     std::iter::from_fn(move || {
-        let mut bytes = 0;
+        let (mut bytes, mut more) = (0, 0);
         let fits = rest.iter().take(GROUP_BRICKS).take_while(|item| {
             bytes += u64::from(item.node.stored_len);
-            bytes <= GROUP_BYTES
+            more += inflated(item);
+            bytes <= GROUP_BYTES && more <= GROUP_INFLATED_BYTES
         });
         let count = fits.count().max(1).min(rest.len());
         let (group, later) = rest.split_at(count);
@@ -74,8 +77,9 @@ impl Volume {
         container::kept_options(&self.head, &self.limits, &mut read).map_err(|e| self.replaced_or(e))
     }
 
-    /// Length of a stored payload before zstd, checked against what the codec allows where it is known (spec: BRK-7, BRK-9).
-    pub(super) fn payload_len(&self, node: &Node, level: u8, brick: Coord, stored: &[u8]) -> Result<u64> {
+    /// Shortest and longest payload that a brick may have before zstd: what its codec allows where it is known, within the
+    /// limits.
+    pub(super) fn payload_lens(&self, node: &Node, level: u8, brick: Coord) -> Result<[u64; 2]> {
         let allowed = match self.codecs.get(node.codec) {
             Ok(entry) => {
                 let extent = self.head.octree.levels[usize::from(level)].extent;
@@ -84,7 +88,12 @@ impl Volume {
             Err(e) if e.code() == Code::Codec => [0, self.limits.brick_bytes],
             Err(e) => return Err(e),
         };
-        let [least, most] = [allowed[0], allowed[1].min(self.limits.brick_bytes)];
+        Ok([allowed[0], allowed[1].min(self.limits.brick_bytes)])
+    }
+
+    /// Length of a stored payload before zstd, checked against what the codec allows where it is known (spec: BRK-7, BRK-9).
+    pub(super) fn payload_len(&self, node: &Node, level: u8, brick: Coord, stored: &[u8]) -> Result<u64> {
+        let [least, most] = self.payload_lens(node, level, brick)?;
         limits::check("brick", least, self.limits.brick_bytes)?;
         if node.flags.contains(NodeFlags::ZSTD) {
             return supercompression::content_len(stored, least..=most, node.offset, "brick.payload");
