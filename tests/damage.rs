@@ -227,9 +227,9 @@ fn a_log_that_another_one_replaces_is_told_from_damage() {
     let log = |shift: u32| {
         let options = EncodeOptions { codec: vug::volume::CodecChoice::Raw, zstd: false, ..EncodeOptions::default() };
         let mut grid = support::noise(Extent::new(100, 100, 100), |h| (h >> shift) as u8);
-        let mut out = Vec::new();
-        vug::volume::encode_log(&mut grid, &mut out, &options, &mut |_, _| {}).unwrap();
-        out
+        let mut log = Vec::new();
+        vug::volume::encode_log(&mut grid, &mut log, &options, &mut |_, _| {}).unwrap();
+        log
     };
     let (one, two) = (log(24), log(20));
     assert!(one[..256] == two[..256] && one.len() == two.len() && one != two);
