@@ -17,7 +17,9 @@ use vug::codec::Codec;
 use vug::container::{BrickSink, CodecEntry, FileWriter, FinishOptions, Node, NodeFlags, VolumeDescriptor};
 use vug::limits::Limits;
 use vug::source::{FileSource, HttpOptions, HttpSource, MmapSource};
-use vug::volume::{At, Axis, CodecChoice, Cost, EncodeOptions, Volume};
+use vug::volume::{
+    At, Axis, CodecChoice, CopyOptions, Cost, EncodeOptions, Quality, Shape, Volume, VolumeWriter, ZerobitOptions,
+};
 use vug::{Extent, Region, SampleType};
 
 fn over_http(server: &Server) -> Volume {
@@ -77,6 +79,65 @@ fn every_transport_costs_the_same() {
         assert!(costs[0].reads <= most, "{name}: {} reads, {most} at most", costs[0].reads);
         assert_eq!(Cost { reads: requests, bytes }, costs[2], "{name}: a read is a request");
     }
+}
+
+/// What an access costs on each transport: the same.
+fn cold(path: &Path, server: &Server, access: &dyn Fn(&Volume)) -> Cost {
+    let costs = [over_map(path), Volume::open_path(path).unwrap(), over_http(server)].map(|volume| {
+        access(&volume);
+        volume.cost()
+    });
+    assert_eq!((costs[0], costs[1]), (costs[1], costs[2]));
+    costs[0]
+}
+
+#[test] // spec: VAL-7
+fn rows_of_the_table_that_depend_on_where_things_lie() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.vug");
+    let reads = |bytes: &[u8], access: &dyn Fn(&Volume)| {
+        std::fs::write(&path, bytes).unwrap();
+        cold(&path, &Server::of(OnDisk(path.clone())), access).reads
+    };
+    // The page in the head; the payload of the last brick is not.
+    let mut grid = support::noise(Extent::new(64, 64, 64), |h| (h >> 24) as u8);
+    let options = EncodeOptions { zstd: false, brick: Some(16), codec: CodecChoice::Raw, ..EncodeOptions::default() };
+    let small = encode(&mut grid, &options).0;
+    let last = |v: &Volume| drop(v.voxel(At::default(), [63; 3]).unwrap());
+    assert_eq!((reads(&small, &|_| {}), reads(&small, &last)), (1, 2), "2 where the page lies in the head");
+    // A log of it: the head, and the end with the last commit.
+    let volume = support::open(small);
+    let log = volume.excerpt(&CopyOptions::default()).unwrap().write_log(Vec::new(), &mut |_, _| {}).unwrap().0;
+    assert_eq!(reads(&log, &|_| {}), 2, "opening a log");
+    // 2,200 pages of one CONSTANT or stored brick: their chunks do not lie in the head, nor do the pages.
+    let dims = Extent::new(128 * 2200, 16, 16);
+    let shape = Shape::single(dims, SampleType::U8);
+    let mut writer = VolumeWriter::create(io::Cursor::new(Vec::new()), shape, Codec::Raw, 4, &options).unwrap();
+    let brick = support::noise(Extent::cube(16), |h| (h >> 24) as u8);
+    for page in 0..2200 {
+        writer.write_brick(At::default(), [page * 8, 0, 0], brick.view()).unwrap();
+    }
+    let long = writer.finish().unwrap().0.into_inner();
+    let far = |v: &Volume| drop(v.voxel(At::default(), [128 * 2100 + 3, 4, 5]).unwrap());
+    assert_eq!(reads(&long, &far), 3 + 1, "the directory is not resident: one more");
+    // 27 codebooks do not lie in the head.
+    let quality = Quality::Keep(60_000);
+    let zerobit = ZerobitOptions { codebook_region: Some(2), ..ZerobitOptions::default() };
+    let options = EncodeOptions { codec: CodecChoice::Zerobit, quality, zerobit, brick: Some(16), ..options };
+    let books = encode(&mut support::noise(Extent::cube(96), |h| (h >> 24) as u8), &options).0;
+    let section = support::open(books.clone()).head().section(*b"CBOK").unwrap().clone();
+    assert!(section.offset + section.stored_len > 16_384, "{} bytes at {}", section.stored_len, section.offset);
+    let twice = |v: &Volume| {
+        last(v);
+        let first = v.cost().reads;
+        v.voxel(At::default(), [40, 50, 60]).unwrap();
+        assert_eq!(v.cost().reads, first + 1, "the codebooks stay");
+    };
+    let plain = reads(&books, &|v| {
+        v.bounds(At::default(), Region::at([95; 3], Extent::cube(1))).unwrap();
+    });
+    assert_eq!(reads(&books, &last), plain + 1 + 1, "payload, and the first use of a codebook: one more");
+    assert_eq!(reads(&books, &twice), plain + 1 + 1 + 1);
 }
 
 /// A file in memory without the parts that are zero.

@@ -82,7 +82,7 @@ fn time_steps_are_fetched() {
     assert!(code == 0 && err.is_empty(), "{err}");
     // One that is compressed, and larger than what memory may be taken: it waits beside the log.
     let server = served(d, &grid, "a.nii.gz");
-    let (code, _, err) = vug(d, &["append", "a.vug", &server.url("a.nii.gz?key=1"), "--memory", "20K"]);
+    let (code, _, err) = vug(d, &["append", "a.vug", &server.url("a.nii.gz?key=1"), "--memory", "44K"]);
     assert!(code == 0 && err.contains("temporary"), "{err}");
     // Encoded already.
     let server = Server::of(fs::read(d.join("a.vug")).unwrap());

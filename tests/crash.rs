@@ -3,6 +3,7 @@
 
 mod support;
 
+use std::collections::HashSet;
 use std::io::{Cursor, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -11,7 +12,7 @@ use support::{explicit, noise, open};
 use vug::limits::Limits;
 use vug::source::MemorySource;
 use vug::volume::{self, At, CopyOptions, EncodeOptions, Volume, ZstdPolicy};
-use vug::{Code, Extent};
+use vug::{Code, Extent, Region};
 
 /// Kills per command.
 const KILLS: u32 = 50;
@@ -174,25 +175,50 @@ fn a_killed_writer_of_a_log_loses_nothing_that_was_committed() {
     let whole = finish(&dir, &args);
     let log = dir.join("log.vug");
     let original = open(std::fs::read(&log).unwrap());
+    let old = std::fs::read(dir.join("a.vug")).unwrap();
     let mut moments = Moments::new(5);
-    let (mut killed, mut committed, mut more) = (0, 0, 0);
+    let (mut killed, mut kept, mut committed, mut more) = (0, 0, 0, 0);
     for i in 0..KILLS / 2 {
-        std::fs::remove_file(&log).unwrap();
+        // Every other time over an old file.
+        match i % 2 {
+            0 => std::fs::write(&log, &old).unwrap(),
+            _ => std::fs::remove_file(&log).unwrap_or_default(),
+        }
         killed += u32::from(kill_after(&dir, &args, moments.next(whole)));
-        let Ok(found) = std::fs::read(&log) else {
-            std::fs::write(&log, b"").unwrap();
-            continue;
+        let found = match std::fs::read(&log) {
+            Ok(found) if i % 2 == 0 && found == old => {
+                kept += 1;
+                continue;
+            }
+            Ok(found) => found,
+            Err(_) => {
+                assert_eq!(i % 2, 1, "kill {i}: the old file is gone");
+                continue;
+            }
         };
-        let Ok(volume) = Volume::open(MemorySource(found.clone()), Limits::default()) else {
+        let Ok(torn) = Volume::open(MemorySource(found.clone()), Limits::default()) else {
             assert!(found.len() < 4096, "kill {i}: {} bytes without a commit", found.len());
             continue;
         };
-        let stored = volume.brick_counts().unwrap().stored;
         let out = Cursor::new(Vec::new());
         let (out, saved) = volume::recover(MemorySource(found), Limits::default(), out, &mut |_, _| {}).unwrap();
-        assert!(saved.is_whole() || saved.live.len() as u64 >= stored, "kill {i}: {:?}", saved.lost);
         let recovered = open(out.into_inner());
-        assert!(recovered.brick_counts().unwrap().stored >= stored, "kill {i}: what was committed is there");
+        let live: HashSet<_> = saved.live.iter().map(|&(at, brick)| (at.lod, brick)).collect();
+        // What the last commit has, brick by brick: all of it is saved, and as it would be had nobody been killed.
+        let bricks = torn.levels().next().unwrap().div_ceil(Extent::cube(32));
+        let mut stored = 0;
+        for n in 0..bricks.voxels() as u32 {
+            let brick = [n % bricks.x, n / bricks.x % bricks.y, n / bricks.x / bricks.y];
+            let there = torn.bounds(At::default(), Region::at(brick.map(|v| v * 32), Extent::cube(32))).unwrap();
+            if there.max == 0.0 {
+                continue; // EMPTY: noise is not.
+            }
+            stored += 1;
+            assert!(live.contains(&(0, brick)), "kill {i}: {brick:?} was committed and is lost: {:?}", saved.lost);
+            let committed = torn.read_brick(At::default(), brick).unwrap();
+            assert!(committed.bytes() == recovered.read_brick(At::default(), brick).unwrap().bytes(), "{brick:?}");
+        }
+        assert_eq!(stored, torn.brick_counts().unwrap().stored, "kill {i}: each of them was looked at");
         for &(at, brick) in &saved.live {
             let (a, b) = (recovered.read_brick(at, brick).unwrap(), original.read_brick(at, brick).unwrap());
             assert!(a.bytes() == b.bytes(), "kill {i}: {brick:?}");
@@ -201,9 +227,10 @@ fn a_killed_writer_of_a_log_loses_nothing_that_was_committed() {
         more += u32::from(saved.by_leader > 0);
     }
     println!(
-        "log: {killed} of {} killed before their end, {committed} with committed bricks, {more} with more",
+        "log: {killed} of {} killed before their end, {kept} old files kept, {committed} with committed bricks, {more} with more",
         KILLS / 2
     );
+    assert!(committed > 0, "some were killed behind a commit");
 }
 
 /// Takes so many bytes, and few at a time.

@@ -11,10 +11,14 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 use support::{ball, explicit, hash, noise};
+use vug::codec::{Codec, s3dc};
 use vug::limits::Limits;
 use vug::source::{ByteSource, FileSource, HttpOptions, HttpSource, MemorySource, MmapSource};
-use vug::volume::{self, At, Axis, CodecChoice, EncodeOptions, Quality, Volume};
-use vug::{Error, Extent, Grid, Region};
+use vug::time::{TimeUnit, Times};
+use vug::volume::{
+    self, At, Axis, BrickOrder, CodecChoice, CopyOptions, EncodeOptions, Quality, Shape, Volume, VolumeWriter,
+};
+use vug::{Error, Extent, Grid, Region, SampleType};
 
 fn short(e: &Error) -> String {
     format!("{} at {:?} ({})", e.code(), e.offset(), e.field())
@@ -40,8 +44,14 @@ fn outcome(open: &dyn Fn() -> Box<dyn ByteSource>) -> String {
             line(format!("{:?} {:?}", v.info(), v.file_len()));
             line(said(v.meta(), |m| format!("{m:?}")));
             line(said(v.brick_counts(), |c| format!("{c:?}")));
-            for lod in 0..v.levels().len() as u8 {
-                let at = At::lod(lod);
+            let d = v.info();
+            line(format!("{:?} {:?}", v.head().commit, v.head().unfinished()));
+            line(said(v.times(), |t| format!("{t:?}")));
+            let trees = (0..d.time_steps).flat_map(|time| (0..d.channels).map(move |channel| (time, channel)));
+            let levels = v.levels().len() as u8;
+            for at in trees.flat_map(|(time, channel)| (0..levels).map(move |lod| At { time, channel, lod })) {
+                let lod = at.lod;
+                line(format!("{at:?}"));
                 let e = v.levels().nth(usize::from(lod)).unwrap();
                 let last = e.to_array().map(|n| n - 1);
                 line(said(v.read(at), sum));
@@ -65,7 +75,8 @@ fn outcome(open: &dyn Fn() -> Box<dyn ByteSource>) -> String {
         Err(e) => line(format!("salvage: {}", short(&e))),
         Ok(v) => {
             let whole = Region::whole(v.info().dims);
-            line(said(v.salvage(At::default(), whole), |s| {
+            let last = At { time: v.info().time_steps - 1, channel: v.info().channels - 1, lod: 0 };
+            line(said(v.salvage(last, whole), |s| {
                 let lost: Vec<_> = s.lost.iter().map(|l| (l.brick, short(&l.error))).collect();
                 format!("{} {} {lost:?}", sum(s.grid), s.found_by_leader)
             }));
@@ -161,6 +172,45 @@ fn files() -> Vec<(String, Vec<u8>)> {
     files
 }
 
+/// Series of two channels and levels, logs of several commits, and files in the order of their levels.
+fn further_files() -> Vec<(String, Vec<u8>)> {
+    let extent = Extent::new(40, 35, 20);
+    let shape = Shape { extent, sample_type: SampleType::U16, time_steps: 3, channels: 2 };
+    let codec = Codec::S3dc(s3dc::Params::new(4, Extent::cube(4), Default::default()).unwrap());
+    let times = Some(Times::regular(TimeUnit::Second, 0.0, 0.5, 3));
+    let options = EncodeOptions { levels: 2, times, ..EncodeOptions::default() };
+    let mut writer = VolumeWriter::create(std::io::Cursor::new(Vec::new()), shape, codec, 4, &options).unwrap();
+    for (time, channel, lod) in (0..12).map(|i| (i / 4, i / 2 % 2, (i % 2) as u8)) {
+        let e = extent.at_lod(lod);
+        let bricks = e.div_ceil(Extent::cube(16));
+        for i in 0..bricks.voxels() as u32 {
+            let brick = [i % bricks.x, i / bricks.x % bricks.y, i / bricks.x / bricks.y];
+            let part = Region::at(brick.map(|v| v * 16), Extent::cube(16)).intersect(&Region::whole(e)).extent();
+            let grid = match (i + time) % 4 {
+                0 => continue,
+                1 => Grid::from_fn(part, |_| (time * 10 + channel + 1) as u16).unwrap(),
+                _ => noise(part, |h| (h >> 20) as u16 ^ (time * 100 + channel * 10) as u16),
+            };
+            writer.write_brick(At { time, channel, lod }, brick, grid.view()).unwrap();
+        }
+    }
+    let series = writer.finish().unwrap().0.into_inner();
+    let volume = support::open(series.clone());
+    let clustered = CopyOptions { order: BrickOrder::Clustered, ..CopyOptions::default() };
+    let excerpt = volume.excerpt(&clustered).unwrap();
+    let clustered = excerpt.write_head(std::io::Cursor::new(Vec::new()), &mut |_, _| {}).unwrap().0.into_inner();
+    let as_log = volume.excerpt(&CopyOptions::default()).unwrap().write_log(Vec::new(), &mut |_, _| {}).unwrap().0;
+    let mut log = Vec::new();
+    let small = EncodeOptions { brick: Some(16), levels: 2, ..explicit(4, 4) };
+    volume::encode_log(&mut ball(Extent::new(75, 50, 41)), &mut log, &small, &mut |_, _| {}).unwrap();
+    vec![
+        ("series".into(), series),
+        ("clustered series".into(), clustered),
+        ("log of a series".into(), as_log),
+        ("encoded log".into(), log),
+    ]
+}
+
 #[test]
 #[allow(unsafe_code, reason = "sets environment variables before there is a second thread that reads them")]
 fn every_transport_gives_the_same_bytes_and_errors() {
@@ -176,7 +226,7 @@ fn every_transport_gives_the_same_bytes_and_errors() {
         unsafe { std::env::set_var(name, value) };
     }
     transports.check("nothing", vec![]);
-    for (f, (name, bytes)) in files().into_iter().enumerate() {
+    for (f, (name, bytes)) in files().into_iter().chain(further_files()).enumerate() {
         transports.check(&name, bytes.clone());
         let mut damaged = Vec::new();
         for i in 0..6u32 {
@@ -193,6 +243,12 @@ fn every_transport_gives_the_same_bytes_and_errors() {
         damaged.push((format!("{name}, flipped everywhere"), flipped));
         for keep in [1, 255, 256, 3000, bytes.len() / 2, bytes.len() - 1] {
             damaged.push((format!("{name}, cut to {keep}"), bytes[..keep.min(bytes.len())].to_vec()));
+        }
+        if bytes[72] == 1 {
+            // Logs whose writer was killed, at many moments.
+            for keep in (1..20).map(|i| bytes.len() * i / 20) {
+                damaged.push((format!("{name}, torn at {keep}"), bytes[..keep].to_vec()));
+            }
         }
         let longer = [&bytes[..], &[0; 16]].concat();
         damaged.push((format!("{name}, 16 bytes longer"), longer));
