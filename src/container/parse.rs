@@ -74,7 +74,7 @@ impl HeadParser {
 
     /// What is wanted next. The first wish is always for the first 16 KiB (or the whole file, if it is shorter); every
     /// further one is for a table that lies beyond, or, in a log, for the last 16 KiB, where the last commit lies, unless
-    /// the file was not closed: then the search for it goes on backwards (spec: VAL-7, LOG-9).
+    /// the file was not closed: then the search for it goes on backwards, and at last from the front (spec: VAL-7, LOG-9).
     ///
     /// # Errors
     /// The first violation in the order of spec chapter 9.
