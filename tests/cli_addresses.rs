@@ -72,17 +72,18 @@ fn volumes_are_fetched_wherever_a_file_is_read() {
 fn time_steps_are_fetched() {
     let temp = tempfile::tempdir().unwrap();
     let d = temp.path();
-    let grid = support::ball(Extent::new(40, 30, 20));
+    let grid = support::ball(Extent::new(40, 30, 200));
     fs::write(d.join("a.raw"), grid.bytes()).unwrap();
-    let raw = ["--shape", "40,30,20", "--dtype", "u8"];
-    let (code, _, err) = vug(d, &[&["encode", "a.raw", "a.vug", "--log", "--codec", "raw"], &raw[..]].concat());
+    let raw = ["--shape", "40,30,200", "--dtype", "u8"];
+    let (code, _, err) =
+        vug(d, &[&["encode", "a.raw", "a.vug", "--log", "--codec", "raw", "--brick", "16"], &raw[..]].concat());
     assert_eq!(code, 0, "{err}");
     let server = Server::of(grid.bytes().to_vec());
     let (code, _, err) = vug(d, &[&["append", "a.vug", &server.url("a.raw")], &raw[..]].concat());
     assert!(code == 0 && err.is_empty(), "{err}");
     // One that is compressed, and larger than what memory may be taken: it waits beside the log.
     let server = served(d, &grid, "a.nii.gz");
-    let (code, _, err) = vug(d, &["append", "a.vug", &server.url("a.nii.gz?key=1"), "--memory", "44K"]);
+    let (code, _, err) = vug(d, &["append", "a.vug", &server.url("a.nii.gz?key=1"), "--memory", "400K"]);
     assert!(code == 0 && err.contains("temporary"), "{err}");
     // Encoded already.
     let server = Server::of(fs::read(d.join("a.vug")).unwrap());
