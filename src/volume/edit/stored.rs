@@ -21,7 +21,7 @@ const GROUP_BRICKS: usize = 256;
 const MERGE_GAP: u64 = 512;
 
 /// Bricks that are read and looked at together. `inflated` says how many bytes a brick may take besides its stored ones.
-pub(super) fn groups<'a>(items: &'a [Item], inflated: impl Fn(&Item) -> u64) -> impl Iterator<Item = &'a [Item]> {
+pub(super) fn groups(items: &[Item], inflated: impl Fn(&Item) -> u64) -> impl Iterator<Item = &[Item]> {
     let mut rest = items;
     std::iter::from_fn(move || {
         let (mut bytes, mut more) = (0, 0);
