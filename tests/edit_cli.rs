@@ -58,6 +58,12 @@ fn pack_and_repack_there_and_back() {
     assert!(verify(&std::fs::read(&b).unwrap()).is_empty());
     let compared = json(&run(&["compare", "--json"], &[&a, &b]));
     assert_eq!(compared["identical"], true);
+    // Not where something would be lost by it, nor under the name of standard output.
+    let r = run(&["extract", "--force", "--levels", "1:2"], &[&b, &b]);
+    assert!(r.code == 2 && r.err.contains("source itself"), "{}", r.err);
+    let r = run(&["recover", "--force"], &[&b, &b]);
+    assert!(r.code == 2 && r.err.contains("source itself"), "{}", r.err);
+    assert_eq!(run(&["pack"], &[&b, Path::new("-")]).code, 2);
     for args in [&["repack"][..], &["repack", "--zstd", "--no-zstd"]] {
         assert_eq!(run(args, &[&a, &b]).code, 2);
     }

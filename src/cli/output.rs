@@ -68,14 +68,23 @@ pub(super) fn progress(quiet: bool, what: &str) -> ProgressBar {
     ProgressBar::new(0).with_style(style.expect("a constant template")).with_message(what.to_owned())
 }
 
-/// Refuses a target that is the source itself, which would be lost, and standard output, where a file is written.
+/// Refuses standard output, where a file is written that has to be sought in.
+///
+/// # Errors
+/// `E_PARAM`.
+pub(super) fn check_no_stdout(target: &Path) -> Result<()> {
+    if target == Path::new("-") {
+        return Err(Error::param("target", "this file cannot go to standard output; give it a name"));
+    }
+    Ok(())
+}
+
+/// Refuses a target that is the source itself, which would be lost, and standard output.
 ///
 /// # Errors
 /// `E_PARAM`.
 pub(super) fn check_target(source: &Path, target: &Path) -> Result<()> {
-    if target == Path::new("-") {
-        return Err(Error::param("target", "this file cannot go to standard output; give it a name"));
-    }
+    check_no_stdout(target)?;
     if matches!((source.canonicalize(), target.canonicalize()), (Ok(a), Ok(b)) if a == b) {
         return Err(Error::param("target", "the target is the source itself, which would be lost; give another name"));
     }

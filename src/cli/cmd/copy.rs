@@ -2,7 +2,7 @@
 
 use crate::cli::args::{Common, Write};
 use crate::cli::open::open_source;
-use crate::cli::output::{bytes_text, check_target, progress};
+use crate::cli::output::{bytes_text, check_no_stdout, check_target, progress};
 use crate::error::Result;
 use crate::limits::Limits;
 use crate::source::AtomicFile;
@@ -25,8 +25,15 @@ pub(super) struct Copy<'a> {
 
 /// Copies, and says what was copied; `notes` has remarks on the excerpt.
 pub(super) fn run(copy: &Copy<'_>, notes: impl Fn(&Excerpt<'_>) -> Vec<String>) -> Result<()> {
-    check_target(copy.source, copy.target)?;
     let volume = Volume::open(open_source(copy.source)?, Limits::default())?;
+    let CopyOptions { levels, times, channels, region, .. } = &copy.options;
+    let is_part = levels.is_some() || times.is_some() || channels.is_some() || region.is_some();
+    // A file may be packed anew in its own place, as long as nothing is left out.
+    if is_part || volume.head().unfinished() > 0 {
+        check_target(copy.source, copy.target)?;
+    } else {
+        check_no_stdout(copy.target)?;
+    }
     let excerpt = volume.excerpt(&CopyOptions { file_id: copy.write.file_id, ..copy.options.clone() })?;
     let mut notes = notes(&excerpt);
     let unfinished = volume.head().unfinished();

@@ -145,7 +145,9 @@ impl Appender {
         for item in &mut items {
             item.to.0 += log.info().trees();
         }
-        let copier = Copier { books: plan.books, codecs: plan.codecs, ..Copier::new(steps, excerpt.zstd, false) };
+        let books_there = plan.options.codebooks.as_ref().map_or(0, |(_, count)| *count);
+        let copier =
+            Copier { books: plan.books, books_there, codecs: plan.codecs, ..Copier::new(steps, excerpt.zstd, false) };
         let Copied { payload_bytes, converted, .. } = copier.run(&items, &mut sink, progress, &mut |_, _| Ok(()))?;
         let all = plan.descriptor.payload_bytes.saturating_add(payload_bytes);
         let descriptor = VolumeDescriptor { payload_bytes: all, ..plan.descriptor };

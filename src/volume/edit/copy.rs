@@ -24,6 +24,8 @@ pub(super) struct Copier<'a> {
     pub(super) measure: bool,
     /// New numbers of codebooks by those in payloads; where there is none, the same.
     pub(super) books: Vec<u32>,
+    /// Codebooks of the file that is copied to, where it has some of its own; else 0.
+    pub(super) books_there: u64,
     /// New entries of the codec table by old ones; where there is none, the same.
     pub(super) codecs: Vec<u8>,
     /// Whether bricks that cannot be copied are left out, and listed.
@@ -119,7 +121,7 @@ impl Excerpt<'_> {
 
 impl<'a> Copier<'a> {
     pub(super) fn new(volume: &'a Volume, zstd: ZstdPolicy, measure: bool) -> Self {
-        Copier { volume, zstd, measure, books: Vec::new(), codecs: Vec::new(), tolerant: false }
+        Copier { volume, zstd, measure, books: Vec::new(), books_there: 0, codecs: Vec::new(), tolerant: false }
     }
 
     /// Copies `items` in their order; `after` is called after each group of them.
@@ -161,9 +163,10 @@ impl<'a> Copier<'a> {
         Ok(copied)
     }
 
-    /// Whether codebooks have other numbers in the copy.
+    /// Whether codebooks have other numbers in the copy, or payloads could name one there that they do not have here.
     fn moves_books(&self) -> bool {
-        (0u32..).zip(&self.books).any(|(old, &new)| old != new)
+        let known = self.books.len() as u64;
+        self.books_there > known || (0u32..).zip(&self.books).any(|(old, &new)| old != new)
     }
 
     /// The most bytes that a brick takes besides its stored ones: those of its payload where it is inflated or changed.
