@@ -3,7 +3,7 @@
 mod decoded;
 
 use crate::cli::args::Decode;
-use crate::cli::open::open_source;
+use crate::cli::open::{open_source, tell_unfinished};
 use crate::cli::output::{Verdict, error_json, progress};
 use crate::convert::{ExportInfo, Target};
 use crate::error::{Code, Error, Result};
@@ -28,6 +28,7 @@ pub(super) fn run(args: &Decode) -> Result<Verdict> {
     } else {
         Volume::open(source, Limits::default())?
     };
+    tell_unfinished(&volume);
     let part = part(args, &volume)?;
     // Whatever is wrong with the target is found before anything is decoded.
     let series = (part.times.len() as u32, part.channels.len() as u32);
