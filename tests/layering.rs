@@ -22,6 +22,9 @@ const LAYERS: &[(&str, u8)] = &[
     ("metrics", 2),
     ("convert", 2),
     ("volume", 3),
+    ("gpu", 4),
+    ("render", 5),
+    ("tradeoff", 6),
     ("cli", 7),
 ];
 
