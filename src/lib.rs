@@ -21,9 +21,13 @@ pub mod convert;
 pub mod metrics;
 pub mod source;
 
+pub mod volume;
+
+#[cfg(feature = "gpu")]
+pub mod gpu;
+
 #[cfg(feature = "cli")]
 pub mod cli;
-pub mod volume;
 
 pub use error::{Code, Error, Result};
 pub use geometry::{Extent, Region};

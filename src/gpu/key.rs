@@ -1,0 +1,169 @@
+//! The vocabulary of pictures: what a scene can ask for, and what decides about shader text and pipelines. A closed list:
+//! an unknown name is an error, never ignored.
+
+use crate::error::{Error, Result};
+use std::fmt;
+use std::str::FromStr;
+
+/// An enum whose values have names in scene files and on the command line.
+macro_rules! named {
+    ($(#[$doc:meta])* $name:ident ($field:literal) { $($(#[$vdoc:meta])* $value:ident = $text:literal,)* }) => {
+        $(#[$doc])*
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+        pub enum $name { $($(#[$vdoc])* $value,)* }
+
+        impl $name {
+            /// All of them.
+            pub const ALL: &'static [$name] = &[$($name::$value,)*];
+
+            /// The name used in scenes, on the command line and in JSON.
+            #[must_use]
+            pub const fn name(self) -> &'static str {
+                match self { $($name::$value => $text,)* }
+            }
+        }
+
+        impl fmt::Display for $name {
+            fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str(self.name())
+            }
+        }
+
+        impl FromStr for $name {
+            type Err = Error;
+            fn from_str(s: &str) -> Result<Self> {
+                $name::ALL.iter().copied().find(|v| v.name() == s).ok_or_else(|| {
+                    let known: Vec<_> = $name::ALL.iter().map(|v| v.name()).collect();
+                    Error::param($field, format!("{s:?} is not one of {}", known.join(", ")))
+                })
+            }
+        }
+    };
+}
+
+named! {
+    /// How a value between voxels is found.
+    Sampler("sampler") {
+        /// The nearest voxel: 2 fetches from s3dc textures.
+        Nearest = "nearest",
+        /// Trilinear between 8 voxels, each decoded by itself: 16 fetches.
+        Linear = "linear",
+        /// The same image as `linear`, with each index word and each pair of end points fetched once.
+        LinearOpt = "linear_opt",
+        /// The texture unit's trilinear filter, on uncompressed or decoded textures; fractions of 8 bits on much hardware.
+        HwLinear = "hw_linear",
+    }
+}
+
+named! {
+    /// What the samples are taken from.
+    Source("source") {
+        /// The payload's bytes as they are: raw, s3dc or zerobit.
+        Direct = "direct",
+        /// Decoded by a compute pass into a texture of f32.
+        Deferred = "deferred",
+        /// Decoded by the CPU and uploaded uncompressed: the reference.
+        Decoded = "decoded",
+    }
+}
+
+named! {
+    /// How samples are laid through the volume.
+    Traversal("traversal") {
+        /// Rays from the camera, one per pixel.
+        Raycast = "raycast",
+        /// Planes parallel to the picture, blended front to back.
+        Slice = "slice",
+        /// One plane, cut through the volume in any orientation.
+        CutPlane = "cut_plane",
+    }
+}
+
+named! {
+    /// What becomes of the samples of a ray.
+    Projection("projection") {
+        /// Colour and opacity, front to back.
+        Composite = "composite",
+        /// The largest value.
+        Maximum = "maximum",
+        /// The smallest value.
+        Minimum = "minimum",
+        /// The mean value.
+        Mean = "mean",
+        /// The first place where the value reaches that of an iso-surface.
+        Iso = "iso",
+    }
+}
+
+named! {
+    /// The camera's projection.
+    Lens("lens") {
+        /// Rays from one point.
+        Perspective = "perspective",
+        /// Parallel rays.
+        Orthographic = "orthographic",
+    }
+}
+
+named! {
+    /// What a scene may ask for beyond sampling and projection. What it does not name costs nothing: it is in no shader.
+    Effect("effects") {
+        /// Lighting by the gradient, found at each visible sample.
+        GradientShading = "gradient_shading",
+        /// Bricks that cannot be seen are jumped over.
+        EmptySkip = "empty_skip",
+        /// Bricks that cannot be seen are not uploaded.
+        TfCull = "tf_cull",
+        /// The level of detail follows the size of a voxel on the screen.
+        Lod = "lod",
+        /// Rays end where hardly anything can be seen behind.
+        EarlyOut = "early_out",
+        /// Nothing outside of a box is shown.
+        ClipBox = "clip_box",
+        /// Values between two time steps.
+        TimeInterp = "time_interp",
+    }
+}
+
+/// A set of effects.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct Effects(u32);
+
+impl Effects {
+    /// No effect.
+    pub const NONE: Effects = Effects(0);
+
+    /// Whether `e` is in the set.
+    #[must_use]
+    pub const fn has(self, e: Effect) -> bool {
+        self.0 >> e as u32 & 1 == 1
+    }
+
+    /// The set with `e`.
+    #[must_use]
+    pub const fn with(self, e: Effect) -> Effects {
+        Effects(self.0 | 1 << e as u32)
+    }
+
+    /// The set without `e`.
+    #[must_use]
+    pub const fn without(self, e: Effect) -> Effects {
+        Effects(self.0 & !(1 << e as u32))
+    }
+
+    /// The effects, in the order of [`Effect::ALL`].
+    pub fn iter(self) -> impl Iterator<Item = Effect> {
+        Effect::ALL.iter().copied().filter(move |e| self.has(*e))
+    }
+
+    /// All sets there are.
+    pub fn all_sets() -> impl Iterator<Item = Effects> {
+        (0..1u32 << Effect::ALL.len()).map(Effects)
+    }
+}
+
+impl FromIterator<Effect> for Effects {
+    fn from_iter<I: IntoIterator<Item = Effect>>(effects: I) -> Self {
+        effects.into_iter().fold(Effects::NONE, Effects::with)
+    }
+}
