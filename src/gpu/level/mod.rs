@@ -88,6 +88,18 @@ pub enum Role {
     Minmax,
 }
 
+impl Role {
+    /// The name in shaders and reports.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Role::Raw => "raw",
+            Role::Index => "index",
+            Role::Minmax => "minmax",
+        }
+    }
+}
+
 /// One 3D texture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TextureLayout {
@@ -312,6 +324,12 @@ impl LevelLayout {
         let textures = self.textures.iter().chain(&self.decoded).map(TextureLayout::bytes);
         let pages = self.pages.iter().flat_map(|p| [p.stream_bytes, p.table_bytes, p.book_bytes]);
         textures.chain(pages).fold(0, u64::saturating_add)
+    }
+
+    /// The error of a device that does not hold the level after all, because `why`: it says what `fit` would hold.
+    #[must_use]
+    pub fn refused(&self, volume: &Volume, fit: &Fit, why: &str) -> Error {
+        fit::too_much(volume, Wish { at: self.at, source: self.source, filtered: self.filtered }, fit, why)
     }
 
     /// The texel of `texture` that holds what concerns voxel `c`.
