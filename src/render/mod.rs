@@ -1,0 +1,5 @@
+//! Pictures of volumes.
+
+pub mod camera;
+pub mod scene;
+pub mod transfer;
