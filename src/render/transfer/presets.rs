@@ -242,7 +242,8 @@ impl ValueStats {
     #[must_use]
     pub fn is_hounsfield(&self) -> bool {
         let ValueMap { scale, offset } = self.value_map;
-        let (lo, hi) = (self.extremes.0 * scale + offset, self.extremes.1 * scale + offset);
+        let (a, b) = (self.extremes.0 * scale + offset, self.extremes.1 * scale + offset);
+        let (lo, hi) = (a.min(b), a.max(b));
         let is_integer = matches!(self.sample_type, SampleType::U16 | SampleType::I16);
         is_integer && (-4096.0..=-500.0).contains(&lo) && (300.0..40_000.0).contains(&hi)
     }
