@@ -167,3 +167,89 @@ impl FromIterator<Effect> for Effects {
         effects.into_iter().fold(Effects::NONE, Effects::with)
     }
 }
+
+/// Scalars that a texture is loaded as.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Texel {
+    /// Unsigned integers.
+    Uint,
+    /// Signed integers.
+    Sint,
+    /// Floats.
+    Float,
+}
+
+impl Texel {
+    /// The name in WGSL.
+    #[must_use]
+    pub const fn wgsl(self) -> &'static str {
+        match self {
+            Texel::Uint => "u32",
+            Texel::Sint => "i32",
+            Texel::Float => "f32",
+        }
+    }
+}
+
+/// In what form the voxels of a volume lie on the GPU.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub enum Form {
+    /// One texture, one texel per voxel.
+    Raw(Texel),
+    /// Index words and end points of s3dc.
+    S3dc(Texel),
+    /// Zerobit streams in storage buffers: how many there are, and whether they are of the new form.
+    Zerobit {
+        /// Storage buffers.
+        pages: u32,
+        /// Stream version 1.
+        new: bool,
+        /// Width of a codebook's component is 16 bits.
+        wide: bool,
+        /// Signed samples (i16).
+        signed: bool,
+    },
+}
+
+/// What of a volume decides about shader text.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct VolumeKey {
+    /// In what form its voxels lie on the GPU.
+    pub form: Form,
+    /// Whether voxels have three components.
+    pub colour: bool,
+    /// Whether the level is longer than a texture may be, and lies in it in tiles.
+    pub folded: bool,
+}
+
+/// How gradients are found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Default)]
+pub enum Gradient {
+    /// Six more samples.
+    Naive,
+    /// Value and gradient from the 32 voxels that they need together, each word and each pair of end points fetched once.
+    #[default]
+    Reuse,
+}
+
+/// Everything that decides about the text of the picture's shader: equal keys, equal text.
+#[derive(Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub struct PipelineKey {
+    /// How samples are laid.
+    pub traversal: Traversal,
+    /// What becomes of them.
+    pub projection: Projection,
+    /// Lens of the camera.
+    pub lens: Lens,
+    /// How a value between voxels is found.
+    pub sampler: Sampler,
+    /// How gradients are found, where shading asks for them.
+    pub gradient: Gradient,
+    /// Effects beyond that.
+    pub effects: Effects,
+    /// The volumes, in the order in which they are blended at one place.
+    pub volumes: Vec<VolumeKey>,
+}
+
+/// Most volumes of a scene: one bind group each, and one for the frame.
+pub const MAX_VOLUMES: usize = 3;

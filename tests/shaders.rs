@@ -1,0 +1,116 @@
+//! Every shader that a scene can ask for is parsed and validated, and holds what it should: no GPU needed.
+#![cfg(feature = "gpu")]
+
+use naga::valid::{Capabilities, ValidationFlags, Validator};
+use naga::{AddressSpace, TypeInner};
+use vug::gpu::key::{Form, Gradient, Texel};
+use vug::gpu::layout::{Frame, Point, VolumeParams};
+use vug::gpu::{Effects, Lens, PipelineKey, Projection, Sampler, Traversal, VolumeKey};
+
+fn forms() -> Vec<VolumeKey> {
+    let mut all = Vec::new();
+    for texel in [Texel::Uint, Texel::Sint, Texel::Float] {
+        for form in [Form::Raw(texel), Form::S3dc(texel)] {
+            for folded in [false, true] {
+                all.push(VolumeKey { form, colour: false, folded });
+            }
+        }
+    }
+    all.push(VolumeKey { form: Form::Raw(Texel::Uint), colour: true, folded: false });
+    all
+}
+
+fn keys() -> Vec<PipelineKey> {
+    let mut all = Vec::new();
+    let mut add = |key: PipelineKey| {
+        if key.check().is_ok() {
+            all.push(key);
+        }
+    };
+    let base = |form: VolumeKey| PipelineKey {
+        traversal: Traversal::Raycast,
+        projection: Projection::Composite,
+        lens: Lens::Perspective,
+        sampler: Sampler::Linear,
+        gradient: Gradient::Reuse,
+        effects: Effects::NONE,
+        volumes: vec![form],
+    };
+    for form in forms() {
+        for &sampler in Sampler::ALL {
+            for &projection in Projection::ALL {
+                for gradient in [Gradient::Naive, Gradient::Reuse] {
+                    let effects = Effects::all_sets().last().unwrap();
+                    add(PipelineKey { sampler, projection, gradient, effects, ..base(form) });
+                    add(PipelineKey {
+                        sampler,
+                        projection,
+                        gradient,
+                        volumes: vec![form; 3],
+                        lens: Lens::Orthographic,
+                        ..base(form)
+                    });
+                }
+            }
+        }
+    }
+    for effects in Effects::all_sets() {
+        for &projection in Projection::ALL {
+            add(PipelineKey { effects, projection, ..base(forms()[2]) });
+        }
+    }
+    all
+}
+
+fn parse(key: &PipelineKey) -> naga::Module {
+    let text = key.wgsl();
+    let module =
+        naga::front::wgsl::parse_str(&text).unwrap_or_else(|e| panic!("{key:?}\n{}\n{text}", e.emit_to_string(&text)));
+    Validator::new(ValidationFlags::all(), Capabilities::empty())
+        .validate(&module)
+        .unwrap_or_else(|e| panic!("{key:?}\n{}\n{text}", e.emit_to_string(&text)));
+    module
+}
+
+#[test]
+fn every_shader_is_valid_and_binds_what_its_key_says() {
+    let keys = keys();
+    assert!(keys.len() > 700, "{}", keys.len());
+    for key in &keys {
+        let module = parse(key);
+        let mut found: Vec<(u32, u32, String)> = module
+            .global_variables
+            .iter()
+            .filter_map(|(_, v)| Some((v.binding?.group, v.binding?.binding, v.name.clone()?)))
+            .collect();
+        found.sort();
+        let due: Vec<_> = key
+            .bindings()
+            .iter()
+            .map(|b| {
+                let suffix = if b.group > 0 { format!("_{}", b.group - 1) } else { String::new() };
+                (b.group, b.binding, format!("{}{suffix}", b.name))
+            })
+            .collect();
+        assert_eq!(found, due, "{key:?}");
+        assert!(module.entry_points.iter().any(|e| e.name == key.entry()));
+    }
+}
+
+#[test]
+fn structures_lie_alike_on_both_sides() {
+    let module = parse(&keys()[0]);
+    let due: [(&str, &[(&str, usize)], usize); 3] = [
+        ("Frame", Frame::FIELDS, size_of::<Frame>()),
+        ("Point", Point::FIELDS, size_of::<Point>()),
+        ("VolumeParams", VolumeParams::FIELDS, size_of::<VolumeParams>()),
+    ];
+    for (name, fields, size) in due {
+        let (_, ty) = module.types.iter().find(|(_, t)| t.name.as_deref() == Some(name)).unwrap();
+        let TypeInner::Struct { members, span } = &ty.inner else { panic!("{name} is no structure") };
+        assert_eq!(*span as usize, size, "{name}");
+        let found: Vec<_> = members.iter().map(|m| (m.name.as_deref().unwrap(), m.offset as usize)).collect();
+        assert_eq!(found, fields, "{name}");
+    }
+    assert!(module.global_variables.iter().any(|(_, v)| v.space == AddressSpace::Uniform));
+}
