@@ -39,13 +39,13 @@ pub struct CameraSpec {
     /// Enlarges a picture in which all of the volume would be seen.
     pub zoom: f64,
     /// Where the camera stands, in world units; without it, as far away as all is seen.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(deserialize_with = "super::scene::named::exact_or_none", skip_serializing_if = "Option::is_none")]
     pub eye: Option<[f64; 3]>,
     /// What it looks at, in world units; without it the middle of the volume.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(deserialize_with = "super::scene::named::exact_or_none", skip_serializing_if = "Option::is_none")]
     pub target: Option<[f64; 3]>,
     /// What is up in the picture; without it the world's third axis.
-    #[serde(skip_serializing_if = "Option::is_none")]
+    #[serde(deserialize_with = "super::scene::named::exact_or_none", skip_serializing_if = "Option::is_none")]
     pub up: Option<[f64; 3]>,
 }
 
@@ -205,7 +205,7 @@ fn front(space: Space) -> [f64; 3] {
 ///
 /// Of one volume the middle is exactly where its own middle is computed to be, so that a camera can be placed relative to it
 /// without loss (hard case D-57).
-fn sphere(volumes: &[(&Placement, Extent)]) -> ([f64; 3], f64) {
+pub(super) fn sphere(volumes: &[(&Placement, Extent)]) -> ([f64; 3], f64) {
     let corners = |p: &Placement, e: Extent| -> Vec<[f64; 3]> {
         let n = e.to_array().map(f64::from);
         // Relative to the middle: half the edges.

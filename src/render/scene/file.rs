@@ -28,8 +28,10 @@ use serde::{Deserialize, Serialize};
 #[serde(default, deny_unknown_fields)]
 pub struct SceneFile {
     /// Width and height of the picture, in pixels.
+    #[serde(deserialize_with = "named::exact")]
     pub size: [u32; 2],
     /// Colour behind the volume: red, green, blue, 0 to 1.
+    #[serde(deserialize_with = "named::exact")]
     pub background: [f32; 3],
     /// Distance of samples, in units of the smallest spacing of level 0.
     pub step: f64,

@@ -13,6 +13,7 @@ pub use transfer_spec::TransferSpec;
 use super::camera::CameraSpec;
 use super::transfer::TransferFunction;
 use crate::error::{Error, Result};
+use crate::gpu::key::Gradient;
 use crate::gpu::{Effect, Effects, Projection, Sampler, Source, Traversal};
 use serde::{Deserialize, Serialize};
 
@@ -89,16 +90,6 @@ pub enum Lod {
     Level(u8),
 }
 
-/// How gradients are fetched.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Gradient {
-    /// Six samples more.
-    Naive,
-    /// The voxels around are fetched once: the same image.
-    Reuse,
-}
-
 /// Lighting from the camera (Blinn and Phong), by the gradient of the values in world units.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -111,7 +102,8 @@ pub struct Shading {
     pub specular: f64,
     /// Sharpness of the highlight.
     pub shininess: f64,
-    /// How gradients are fetched.
+    /// How gradients are fetched: `naive` or `reuse`, which is the same image.
+    #[serde(with = "named::gradient")]
     pub gradient: Gradient,
 }
 
@@ -126,8 +118,10 @@ impl Default for Shading {
 #[serde(deny_unknown_fields)]
 pub struct ClipBox {
     /// Smallest corner.
+    #[serde(deserialize_with = "named::exact")]
     pub min: [f64; 3],
     /// Largest corner.
+    #[serde(deserialize_with = "named::exact")]
     pub max: [f64; 3],
 }
 
@@ -136,8 +130,10 @@ pub struct ClipBox {
 #[serde(deny_unknown_fields)]
 pub struct Plane {
     /// A point in it.
+    #[serde(deserialize_with = "named::exact")]
     pub point: [f64; 3],
     /// What is perpendicular to it, of any length but 0.
+    #[serde(deserialize_with = "named::exact")]
     pub normal: [f64; 3],
 }
 

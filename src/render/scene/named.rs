@@ -49,3 +49,45 @@ where
     }
     d.deserialize_any(Either(PhantomData))
 }
+
+/// An array of exactly so many numbers: TOML's own reader would leave out what comes behind.
+pub(in crate::render) fn exact<'de, T, D, const N: usize>(d: D) -> Result<[T; N], D::Error>
+where
+    T: Deserialize<'de>,
+    D: Deserializer<'de>,
+{
+    let values = Vec::<T>::deserialize(d)?;
+    let found = values.len();
+    values.try_into().map_err(|_| D::Error::custom(format!("{found} numbers where {N} are wanted")))
+}
+
+/// The same where it may be left out.
+pub(in crate::render) fn exact_or_none<'de, T, D, const N: usize>(d: D) -> Result<Option<[T; N]>, D::Error>
+where
+    T: Deserialize<'de>,
+    D: Deserializer<'de>,
+{
+    exact(d).map(Some)
+}
+
+/// How gradients are fetched.
+pub(super) mod gradient {
+    use crate::gpu::key::Gradient;
+    use serde::{Deserialize, Deserializer, Serializer};
+
+    #[allow(clippy::trivially_copy_pass_by_ref, reason = "the form that serde asks for")]
+    pub(in super::super) fn serialize<S: Serializer>(gradient: &Gradient, s: S) -> Result<S::Ok, S::Error> {
+        s.serialize_str(match gradient {
+            Gradient::Naive => "naive",
+            Gradient::Reuse => "reuse",
+        })
+    }
+
+    pub(in super::super) fn deserialize<'de, D: Deserializer<'de>>(d: D) -> Result<Gradient, D::Error> {
+        match &*String::deserialize(d)? {
+            "naive" => Ok(Gradient::Naive),
+            "reuse" => Ok(Gradient::Reuse),
+            other => Err(serde::de::Error::custom(format!("{other:?} is not one of naive, reuse"))),
+        }
+    }
+}

@@ -1,6 +1,6 @@
 //! How a scene names a transfer function: by a word, over a range, in a file, or by its points.
 
-use super::named::FromWord;
+use super::named::{FromWord, exact_or_none};
 use crate::error::{Error, Result};
 use crate::render::transfer::{Point, Preset, TransferFunction, ValueStats};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -25,7 +25,7 @@ pub enum TransferSpec {
 struct Table {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     preset: Option<String>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(default, deserialize_with = "exact_or_none", skip_serializing_if = "Option::is_none")]
     range: Option<[f64; 2]>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     file: Option<String>,

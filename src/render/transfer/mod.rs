@@ -5,14 +5,12 @@ mod presets;
 #[cfg(test)]
 mod tests;
 
+pub use crate::gpu::layout::MAX_POINTS;
 pub use presets::{Preset, ValueStats};
 
 use crate::error::{Error, Result};
 use crate::limits;
 use serde::{Deserialize, Serialize};
-
-/// Most points of a transfer function.
-pub const MAX_POINTS: usize = 4096;
 
 /// One control point.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -21,6 +19,7 @@ pub struct Point {
     /// Where it lies, in sample units as stored.
     pub value: f64,
     /// Red, green, blue, 0 to 1, not multiplied by the opacity.
+    #[serde(deserialize_with = "super::scene::named::exact")]
     pub color: [f32; 3],
     /// Opacity of one reference length (the smallest spacing of level 0), 0 to 1.
     pub alpha: f32,

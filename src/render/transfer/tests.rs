@@ -130,7 +130,7 @@ fn json_there_and_back() {
         ("{}", "points"),
         (r#"{"points": [], "colour": 1}"#, "colour"),
         (r#"{"points": []}"#, "no points"),
-        (r#"{"points": [{"value": 1, "color": [1, 1], "alpha": 1}]}"#, "length"),
+        (r#"{"points": [{"value": 1, "color": [1, 1], "alpha": 1}]}"#, "3 are wanted"),
     ] {
         let e = TransferFunction::from_json(bad).unwrap_err();
         assert!(e.code() == Code::Param && e.message().contains(word), "{e}");
