@@ -1,6 +1,7 @@
 //! Pictures of volumes.
 
 pub mod camera;
+pub mod fidelity;
 pub mod plan;
 pub mod scene;
 pub mod transfer;
