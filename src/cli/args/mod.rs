@@ -3,11 +3,16 @@
 mod edit;
 mod encode;
 mod parse;
+#[cfg(feature = "gpu")]
+mod render;
 
 pub(in crate::cli) use edit::{Append, Extract, Pack, Recover, Repack, Write};
 pub(in crate::cli) use encode::{
     CodecArg, DownsampleArg, Encode, EndpointsArg, NanArg, NormArg, StreamArg, ThresholdArg, TrainingArg, ZerobitArgs,
 };
+
+#[cfg(feature = "gpu")]
+pub(in crate::cli) use render::Render;
 
 use crate::convert::Stored;
 use crate::geometry::{Extent, Region};
@@ -34,7 +39,8 @@ const EXAMPLES: &str = "Examples:
   vug verify head.vug && vug info head.vug
   vug decode head.vug back.nrrd
   vug compare head.nrrd back.nrrd --json
-  vug slice head.vug --axis z --index 100 -o slice.png";
+  vug slice head.vug --axis z --index 100 -o slice.png
+  vug render head.vug -o head.png --transfer ct-bone";
 
 #[derive(Subcommand)]
 pub(in crate::cli) enum Command {
@@ -49,6 +55,8 @@ pub(in crate::cli) enum Command {
     Extract(Extract),
     Pack(Pack),
     Recover(Recover),
+    #[cfg(feature = "gpu")]
+    Render(Box<Render>),
     Repack(Repack),
 }
 
@@ -66,6 +74,8 @@ impl Command {
             Command::Extract(c) => &c.common,
             Command::Pack(c) => &c.common,
             Command::Recover(c) => &c.common,
+            #[cfg(feature = "gpu")]
+            Command::Render(c) => &c.common,
             Command::Repack(c) => &c.common,
         }
     }

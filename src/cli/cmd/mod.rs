@@ -11,6 +11,8 @@ mod extract;
 mod info;
 mod pack;
 mod recover;
+#[cfg(feature = "gpu")]
+mod render;
 mod repack;
 mod slice;
 mod verify;
@@ -33,6 +35,8 @@ pub(super) fn run(command: Command) -> Result<Verdict> {
         Command::Extract(args) => extract::run(&args),
         Command::Pack(args) => pack::run(&args),
         Command::Recover(args) => recover::run(&args),
+        #[cfg(feature = "gpu")]
+        Command::Render(args) => render::run(&args),
         Command::Repack(args) => repack::run(&args),
     }
 }
