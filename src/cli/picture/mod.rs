@@ -13,7 +13,7 @@ mod slice;
 mod tests;
 
 pub(crate) use colormap::ColorMap;
-pub(crate) use difference::{class_color, difference, legend};
+pub(crate) use difference::{difference, legend};
 pub(crate) use scale::{panels, scaled, stacked};
 pub(crate) use slice::{slice, spacing_on_screen};
 

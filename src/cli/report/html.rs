@@ -1,7 +1,7 @@
 //! The page's HTML.
 
 use super::{Part, Report, Row, base64, chart};
-use crate::cli::picture::{Picture, class_color};
+use crate::cli::picture::Picture;
 use crate::error::Result;
 use crate::metrics::ErrorClass;
 use std::fmt::Write;
@@ -51,7 +51,7 @@ pub(super) fn page(report: &Report) -> Result<String> {
         }
     }
     for class in ErrorClass::ALL {
-        let [r, g, b] = class_color(class);
+        let [r, g, b] = class.color();
         let _ = writeln!(o, ".c{}{{background:rgb({r},{g},{b})}}", class as usize);
     }
     let _ = write!(
