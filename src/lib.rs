@@ -26,6 +26,9 @@ pub mod volume;
 #[cfg(feature = "gpu")]
 pub mod gpu;
 
+#[cfg(feature = "gpu")]
+pub mod tradeoff;
+
 #[cfg(feature = "cli")]
 pub mod cli;
 
