@@ -1,7 +1,6 @@
 //! What a volume is encoded with, and what that does to it.
 
 use super::gradient_correlation;
-use crate::affine::Placement;
 use crate::codec::s3dc::{Endpoints, Params, formula_ratio};
 use crate::error::Result;
 use crate::geometry::Extent;
@@ -73,12 +72,13 @@ impl Setting {
         }
     }
 
-    /// Encodes a volume in memory and compares what comes out with what went in.
+    /// Encodes a volume in memory and compares what comes out with what went in. Of `base` the setting replaces codec,
+    /// quality, end points and zstd; placement and value map are kept.
     ///
     /// # Errors
     /// Those of the encoder.
-    pub fn encode(&self, grid: &mut Grid, placement: &Placement) -> Result<Encoded> {
-        let mut options = EncodeOptions { zstd: false, placement: placement.clone(), ..EncodeOptions::default() };
+    pub fn encode(&self, grid: &mut Grid, base: &EncodeOptions) -> Result<Encoded> {
+        let mut options = EncodeOptions { zstd: false, codec: CodecChoice::S3dc, ..base.clone() };
         match self {
             Setting::Raw => options.codec = CodecChoice::Raw,
             Setting::S3dc(p) => {

@@ -1,12 +1,11 @@
 //! The sweep: settings × samplers × steps, each pictured and compared.
 
 use super::{Encoded, Setting, pareto};
-use crate::affine::Placement;
 use crate::error::{Code, Error, Result};
 use crate::gpu::key::{Sampler, Source};
 use crate::grid::Grid;
 use crate::metrics::image::{ImageComparison, RgbImage, compare};
-use crate::volume::Volume;
+use crate::volume::{EncodeOptions, Volume};
 use std::sync::Arc;
 
 /// How a picture is taken.
@@ -141,14 +140,14 @@ impl Sweep {
     }
 }
 
-/// Encodes `grid` with every setting, takes all pictures, and compares them with the reference. `progress` is told
-/// pictures done and pictures in all.
+/// Encodes `grid` with every setting, takes all pictures, and compares them with the reference. `base` says where the
+/// volume lies and what its numbers mean. `progress` is told pictures done and pictures in all.
 ///
 /// # Errors
 /// Those of [`Sweep::check`], of the encoder, and of `take`, but for `E_UNSUPPORTED`.
 pub fn sweep(
     grid: &mut Grid,
-    placement: &Placement,
+    base: &EncodeOptions,
     sweep: &Sweep,
     take: &mut Take<'_>,
     progress: &mut dyn FnMut(usize, usize),
@@ -161,12 +160,12 @@ pub fn sweep(
         progress(done, total);
     };
     let reference_shot = Shot { source: Source::Direct, sampler: Sampler::Linear, step: sweep.reference_step };
-    let raw = Arc::new(Setting::Raw.encode(grid, placement)?);
+    let raw = Arc::new(Setting::Raw.encode(grid, base)?);
     let reference = take(&raw.volume, &reference_shot)?.image;
     advance();
     let (mut rows, mut left_out) = (Vec::new(), Vec::new());
     for setting in &sweep.settings {
-        let encoded = if *setting == Setting::Raw { raw.clone() } else { Arc::new(setting.encode(grid, placement)?) };
+        let encoded = if *setting == Setting::Raw { raw.clone() } else { Arc::new(setting.encode(grid, base)?) };
         for shot in sweep.shots(setting) {
             match take(&encoded.volume, &shot) {
                 Ok(taken) => rows.push(row(&reference, &encoded, shot, taken)?),

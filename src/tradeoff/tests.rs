@@ -2,14 +2,13 @@
 
 use super::paper::{EXTENT, PICTURE, TABLE_1, csv as table_csv, sweep_of_table_1, table_1};
 use super::*;
-use crate::affine::Placement;
 use crate::codec::s3dc::formula_ratio;
 use crate::error::{Code, Error, Result};
 use crate::geometry::Extent;
 use crate::gpu::key::{Sampler, Source};
 use crate::grid::Grid;
 use crate::metrics::image::RgbImage;
-use crate::volume::{At, Axis, Volume};
+use crate::volume::{At, Axis, EncodeOptions, Volume};
 use std::sync::Arc;
 
 /// A ball with a soft edge, ripples and a ramp, u16 in 12 bits.
@@ -49,7 +48,7 @@ fn small_sweep() -> Sweep {
 fn run(sweep_: &Sweep) -> Outcome {
     let mut seen = Vec::new();
     let outcome =
-        sweep(&mut ball(48), &Placement::default(), sweep_, &mut slice, &mut |done, all| seen.push((done, all)))
+        sweep(&mut ball(48), &EncodeOptions::default(), sweep_, &mut slice, &mut |done, all| seen.push((done, all)))
             .unwrap();
     assert_eq!(seen, (1..=sweep_.pictures()).map(|n| (n, sweep_.pictures())).collect::<Vec<_>>());
     outcome
@@ -164,11 +163,11 @@ fn what_cannot_be_swept() {
         (Sweep { reference_step: f64::NAN, ..base.clone() }, "steps"),
     ];
     for (wrong, field) in cases {
-        let e = sweep(&mut grid, &Placement::default(), &wrong, &mut slice, &mut |_, _| {}).unwrap_err();
+        let e = sweep(&mut grid, &EncodeOptions::default(), &wrong, &mut slice, &mut |_, _| {}).unwrap_err();
         assert_eq!((e.code(), e.field()), (Code::Param, field));
     }
     let mut broken = |_: &Arc<Volume>, _: &Shot| -> Result<Taken> { Err(Error::param("camera", "no")) };
-    let e = sweep(&mut grid, &Placement::default(), &base, &mut broken, &mut |_, _| {}).unwrap_err();
+    let e = sweep(&mut grid, &EncodeOptions::default(), &base, &mut broken, &mut |_, _| {}).unwrap_err();
     assert_eq!(e.field(), "camera", "only what is not supported is left out");
 }
 
