@@ -14,7 +14,7 @@ macro_rules! files {
 
 files! {
         "camera", "fold", "gradient", "gradient_reuse", "iso", "opacity", "raycast", "sample_hw_linear", "sample_linear",
-    "sample_linear_opt", "sample_nearest", "shade", "skip", "source_raw", "source_s3dc", "transfer",
+    "decode", "sample_linear_opt", "sample_nearest", "shade", "skip", "source_raw", "source_s3dc", "transfer",
 }
 
 /// The text of a file of [`FILES`].
