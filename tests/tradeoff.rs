@@ -53,8 +53,27 @@ fn a_sweep_writes_tables_pictures_and_a_page() {
     let d = dir.path();
     write_ball(&d.join("ball.raw"));
     let args = [
-        "tradeoff", "ball.raw", "--shape", "24,20,16", "--dtype", "u16", "-o", "out", "--adapter", "cpu", "--size", "20,16",
-        "--frames", "1", "--bits", "2,4", "--blocks", "4,8", "--steps", "0.5,1", "--json",
+        "tradeoff",
+        "ball.raw",
+        "--shape",
+        "24,20,16",
+        "--dtype",
+        "u16",
+        "-o",
+        "out",
+        "--adapter",
+        "cpu",
+        "--size",
+        "20,16",
+        "--frames",
+        "1",
+        "--bits",
+        "2,4",
+        "--blocks",
+        "4,8",
+        "--steps",
+        "0.5,1",
+        "--json",
     ];
     let json: Value = serde_json::from_slice(&ok(d, &args).stdout).unwrap();
     let out = d.join("out");
@@ -68,12 +87,14 @@ fn a_sweep_writes_tables_pictures_and_a_page() {
     for r in &rows {
         assert!(number(r, "ms") > 0.0 && number(r, "ssim") <= 1.0, "{r:?}");
         assert!((number(r, "mse_per_channel") * 3.0 - number(r, "mse_per_pixel")).abs() < 1e-9);
-        let pixels: f64 = r.iter().filter(|(k, _)| k.starts_with("pixels_")).map(|(_, v)| v.parse::<f64>().unwrap()).sum();
+        let pixels: f64 =
+            r.iter().filter(|(k, _)| k.starts_with("pixels_")).map(|(_, v)| v.parse::<f64>().unwrap()).sum();
         assert_eq!(pixels, 320.0);
     }
     // Reused fetches do not change the picture.
     let mse = |sampler: &str, setting: &str, step: &str| {
-        let of = |r: &&BTreeMap<String, String>| r["sampler"] == sampler && r["setting"] == setting && r["step"] == step;
+        let of =
+            |r: &&BTreeMap<String, String>| r["sampler"] == sampler && r["setting"] == setting && r["step"] == step;
         number(rows.iter().find(of).unwrap(), "mse_per_channel")
     };
     for setting in ["2 bit, 4³", "2 bit, 8³", "4 bit, 4³", "4 bit, 8³"] {
@@ -98,15 +119,33 @@ fn table_1_of_a_small_phantom() {
     let dir = tempfile::tempdir().unwrap();
     let d = dir.path();
     let args = [
-        "tradeoff", "--paper-table-1", "--phantom", "32,32,30", "-o", "t", "--adapter", "cpu", "--size", "12,12", "--frames",
-        "1", "--steps", "1",
+        "tradeoff",
+        "--paper-table-1",
+        "--phantom",
+        "32,32,30",
+        "-o",
+        "t",
+        "--adapter",
+        "cpu",
+        "--size",
+        "12,12",
+        "--frames",
+        "1",
+        "--steps",
+        "1",
     ];
     ok(d, &args);
     let rows = read_csv(&d.join("t/table-1-phantom.csv"));
     assert_eq!(rows.len(), 14);
     assert!(rows.iter().all(|r| r["data"].contains("synthetic") && r["data"].contains("32×32×30")));
-    assert!(rows.iter().all(|r| ["nearest", "linear", "linear_opt"].iter().all(|s| !r[&format!("{s}_ssim_percent")].is_empty())));
-    assert_eq!((rows[2]["index_bits"].as_str(), rows[2]["block"].as_str(), rows[2]["ratio_printed"].as_str()), ("2", "8", "7.757"));
+    assert!(
+        rows.iter()
+            .all(|r| ["nearest", "linear", "linear_opt"].iter().all(|s| !r[&format!("{s}_ssim_percent")].is_empty()))
+    );
+    assert_eq!(
+        (rows[2]["index_bits"].as_str(), rows[2]["block"].as_str(), rows[2]["ratio_printed"].as_str()),
+        ("2", "8", "7.757")
+    );
     let page = fs::read_to_string(d.join("t/index.html")).unwrap();
     for figure in ["Fig. 5", "Fig. 9", "Fig. 10", "Fig. 11", "Fig. 12", "Fig. 13"] {
         assert!(page.contains(figure), "{figure}");

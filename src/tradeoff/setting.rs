@@ -72,12 +72,12 @@ impl Setting {
         }
     }
 
-    /// Encodes a volume in memory and compares what comes out with what went in. Of `base` the setting replaces codec,
+    /// Encodes a volume in memory and compares what comes out with what went in: figures, and the encoded volume. Of `base` the setting replaces codec,
     /// quality, end points and zstd; placement and value map are kept.
     ///
     /// # Errors
     /// Those of the encoder.
-    pub fn encode(&self, grid: &mut Grid, base: &EncodeOptions) -> Result<Encoded> {
+    pub fn encode(&self, grid: &mut Grid, base: &EncodeOptions) -> Result<(Encoded, Arc<Volume>)> {
         let mut options = EncodeOptions { zstd: false, codec: CodecChoice::S3dc, ..base.clone() };
         match self {
             Setting::Raw => options.codec = CodecChoice::Raw,
@@ -98,7 +98,7 @@ impl Setting {
                 (formula_ratio(grid.extent(), bits, p), gradient_correlation(grid, &decoded)?)
             }
         };
-        Ok(Encoded {
+        let encoded = Encoded {
             setting: *self,
             ratio_formula,
             ratio_payload: report.ratio_payload,
@@ -107,13 +107,13 @@ impl Setting {
             rmse: report.rmse,
             psnr: report.psnr,
             concentration,
-            volume: Arc::new(volume),
-        })
+        };
+        Ok((encoded, Arc::new(volume)))
     }
 }
 
-/// A volume, encoded, and how far it is from its source.
-#[derive(Clone, Debug)]
+/// What a setting makes of a volume: its size, and how far it is from the source.
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Encoded {
     /// What it was encoded with.
     pub setting: Setting,
@@ -131,6 +131,4 @@ pub struct Encoded {
     pub psnr: Option<f64>,
     /// Correlation of error and gradient, see [`gradient_correlation`].
     pub concentration: Option<f64>,
-    /// The volume, in memory.
-    pub volume: Arc<Volume>,
 }

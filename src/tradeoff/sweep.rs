@@ -49,8 +49,8 @@ pub struct Sweep {
 /// One setting, sampler and step.
 #[derive(Clone, Debug)]
 pub struct Row {
-    /// The volume as it was stored. Rows of one setting share it.
-    pub encoded: Arc<Encoded>,
+    /// The volume as it was stored.
+    pub encoded: Encoded,
     /// How the picture was taken.
     pub shot: Shot,
     /// Seconds of the frames: median, smallest, largest.
@@ -160,15 +160,16 @@ pub fn sweep(
         progress(done, total);
     };
     let reference_shot = Shot { source: Source::Direct, sampler: Sampler::Linear, step: sweep.reference_step };
-    let raw = Arc::new(Setting::Raw.encode(grid, base)?);
-    let reference = take(&raw.volume, &reference_shot)?.image;
+    let raw = Setting::Raw.encode(grid, base)?;
+    let reference = take(&raw.1, &reference_shot)?.image;
     advance();
     let (mut rows, mut left_out) = (Vec::new(), Vec::new());
     for setting in &sweep.settings {
-        let encoded = if *setting == Setting::Raw { raw.clone() } else { Arc::new(setting.encode(grid, base)?) };
+        // One encoded volume at a time: a large one has hundreds of megabytes.
+        let (encoded, volume) = if *setting == Setting::Raw { raw.clone() } else { setting.encode(grid, base)? };
         for shot in sweep.shots(setting) {
-            match take(&encoded.volume, &shot) {
-                Ok(taken) => rows.push(row(&reference, &encoded, shot, taken)?),
+            match take(&volume, &shot) {
+                Ok(taken) => rows.push(row(&reference, encoded, shot, taken)?),
                 Err(e) if e.code() == Code::Unsupported => {
                     let name = format!("{}, {}, step {}", setting.name(), shot.sampler, shot.step);
                     left_out.push((name, e.message().to_owned()));
@@ -183,14 +184,14 @@ pub fn sweep(
     Ok(Outcome { reference, reference_shot, rows, left_out })
 }
 
-fn row(reference: &RgbImage, encoded: &Arc<Encoded>, shot: Shot, taken: Taken) -> Result<Row> {
+fn row(reference: &RgbImage, encoded: Encoded, shot: Shot, taken: Taken) -> Result<Row> {
     let mut seconds = taken.seconds;
     if seconds.is_empty() || seconds.iter().any(|s| !s.is_finite()) {
         return Err(Error::param("frames", "a picture without a time; take one frame at least"));
     }
     seconds.sort_by(f64::total_cmp);
     Ok(Row {
-        encoded: encoded.clone(),
+        encoded,
         shot,
         seconds: [seconds[seconds.len() / 2], seconds[0], seconds[seconds.len() - 1]],
         frames: seconds.len(),

@@ -3,11 +3,16 @@
 mod edit;
 mod encode;
 mod parse;
+#[cfg(feature = "gpu")]
+mod tradeoff;
 
 pub(in crate::cli) use edit::{Append, Extract, Pack, Recover, Repack, Write};
 pub(in crate::cli) use encode::{
     CodecArg, DownsampleArg, Encode, EndpointsArg, NanArg, NormArg, StreamArg, ThresholdArg, TrainingArg, ZerobitArgs,
 };
+
+#[cfg(feature = "gpu")]
+pub(in crate::cli) use tradeoff::Tradeoff;
 
 use crate::convert::Stored;
 use crate::geometry::{Extent, Region};
@@ -50,6 +55,8 @@ pub(in crate::cli) enum Command {
     Pack(Pack),
     Recover(Recover),
     Repack(Repack),
+    #[cfg(feature = "gpu")]
+    Tradeoff(Tradeoff),
 }
 
 impl Command {
@@ -67,6 +74,8 @@ impl Command {
             Command::Pack(c) => &c.common,
             Command::Recover(c) => &c.common,
             Command::Repack(c) => &c.common,
+            #[cfg(feature = "gpu")]
+            Command::Tradeoff(c) => &c.common,
         }
     }
 }

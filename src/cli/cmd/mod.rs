@@ -13,6 +13,8 @@ mod pack;
 mod recover;
 mod repack;
 mod slice;
+#[cfg(feature = "gpu")]
+mod tradeoff;
 mod verify;
 
 use super::args::Command;
@@ -34,5 +36,7 @@ pub(super) fn run(command: Command) -> Result<Verdict> {
         Command::Pack(args) => pack::run(&args),
         Command::Recover(args) => recover::run(&args),
         Command::Repack(args) => repack::run(&args),
+        #[cfg(feature = "gpu")]
+        Command::Tradeoff(args) => tradeoff::run(&args),
     }
 }

@@ -35,8 +35,8 @@ pub(super) fn run(args: &Tradeoff) -> Result<Verdict> {
         let mut subject = which.open(args)?;
         facts.push((subject.stem.clone(), subject.data.clone()));
         let bar = progress(args.common.quiet || args.common.json, &subject.stem);
-        let mut take = photographer.of(&subject)?;
-        let outcome = tradeoff::sweep(&mut subject.grid, &subject.base, &sweep, &mut *take, &mut |done, all| {
+        let mut take = photographer.of_one_volume();
+        let outcome = tradeoff::sweep(&mut subject.grid, &subject.base, &sweep, &mut take, &mut |done, all| {
             bar.set_length(all as u64);
             bar.set_position(done as u64);
         })?;
