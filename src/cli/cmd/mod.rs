@@ -15,6 +15,8 @@ mod recover;
 mod render;
 mod repack;
 mod slice;
+#[cfg(feature = "gpu")]
+mod tradeoff;
 mod verify;
 
 use super::args::Command;
@@ -38,5 +40,7 @@ pub(super) fn run(command: Command) -> Result<Verdict> {
         #[cfg(feature = "gpu")]
         Command::Render(args) => render::run(&args),
         Command::Repack(args) => repack::run(&args),
+        #[cfg(feature = "gpu")]
+        Command::Tradeoff(args) => tradeoff::run(&args),
     }
 }
