@@ -12,6 +12,7 @@
 //! ```
 
 pub mod camera;
+pub mod fidelity;
 mod gpu;
 pub mod image;
 pub mod mirror;
