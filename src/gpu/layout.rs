@@ -176,6 +176,9 @@ gpu_struct! {
         /// Tiles side by side in the texture.
         fold_grid: [u32; 3] = "vec3u",
         pad4: u32 = "u32",
+        /// Voxels of a brick, none longer than the level.
+        brick: [u32; 3] = "vec3u",
+        pad6: u32 = "u32",
         /// Bricks of the level (zerobit).
         bricks: [u32; 3] = "vec3u",
         pad5: u32 = "u32",
