@@ -14,7 +14,7 @@ macro_rules! files {
 
 files! {
         "camera", "fold", "gradient", "gradient_reuse", "iso", "opacity", "raycast", "sample_hw_linear", "sample_linear",
-    "sample_linear_opt", "sample_nearest", "shade", "skip", "source_raw", "source_s3dc", "transfer",
+    "sample_linear_opt", "sample_nearest", "shade", "skip", "source_raw", "source_s3dc", "source_zerobit", "transfer",
 }
 
 /// The text of a file of [`FILES`].
@@ -55,6 +55,15 @@ pub struct Binding {
 /// First binding of zerobit streams.
 pub const PAGE_BINDING: u32 = 5;
 
+/// Variables of zerobit streams: as many buffers as a level can have.
+const PAGES: [&str; 16] = [
+    "page0", "page1", "page2", "page3", "page4", "page5", "page6", "page7", "page8", "page9", "page10", "page11",
+    "page12", "page13", "page14", "page15",
+];
+
+/// Most storage buffers of streams of a level.
+pub const MAX_PAGES: u32 = PAGES.len() as u32;
+
 impl PipelineKey {
     /// Checks that the parts go together.
     ///
@@ -72,6 +81,12 @@ impl PipelineKey {
             return bad("traversal", "slices are blended: their projection is composite");
         }
         for v in &self.volumes {
+            if matches!(v.form, Form::Zerobit { pages, .. } if pages > MAX_PAGES) {
+                return bad(
+                    "source",
+                    "the streams of this level take too many buffers: take a coarser level, or source = \"decoded\"",
+                );
+            }
             match self.sampler {
                 Sampler::HwLinear if !matches!(v.form, Form::Raw(Texel::Float)) => {
                     return bad(
@@ -249,8 +264,8 @@ impl PipelineKey {
                 Form::Zerobit { pages, .. } => {
                     add(1, "table", BindingKind::Read);
                     add(2, "books", BindingKind::Read);
-                    for page in 0..pages {
-                        add(PAGE_BINDING + page, "page", BindingKind::Read);
+                    for (binding, page) in (PAGE_BINDING..).zip(PAGES).take(pages as usize) {
+                        add(binding, page, BindingKind::Read);
                     }
                 }
             }
@@ -292,8 +307,20 @@ impl VolumeKey {
                 (Texel::Uint, false)
             }
         };
+        let (pages, least, most) = match self.form {
+            Form::Zerobit { pages, signed: true, .. } => (pages, "-32768", "32767"),
+            Form::Zerobit { pages, wide: true, .. } => (pages, "0", "65535"),
+            Form::Zerobit { pages, .. } => (pages, "0", "255"),
+            _ => (0, "0", "255"),
+        };
+        let int = if self.colour { "vec3i" } else { "i32" };
         flag("float", float);
         let words = vec![
+            ("STREAMS_V", streams(pages)),
+            ("PAGE_WORD_V", page_word(pages)),
+            ("INT_V", int.to_owned()),
+            ("LEAST_V", format!("{int}({least})")),
+            ("MOST_V", format!("{int}({most})")),
             ("VALUE_V", if self.colour { "vec3f" } else { "f32" }.to_owned()),
             ("TEXEL_V", texel.wgsl().to_owned()),
             ("SWIZZLE_V", if self.colour { "xyz" } else { "x" }.to_owned()),
@@ -301,4 +328,23 @@ impl VolumeKey {
         ];
         (flags, words)
     }
+}
+
+/// Declares the storage buffers of zerobit streams.
+fn streams(pages: u32) -> String {
+    let one = |(binding, name): (u32, &str)| {
+        format!("@group(GROUP_V) @binding({binding}) var<storage, read> {name}_V: array<u32>;\n")
+    };
+    (PAGE_BINDING..).zip(PAGES).take(pages as usize).map(one).collect()
+}
+
+/// Reads word `w` of the page of payload `s`: buffers cannot be numbered in WGSL.
+fn page_word(pages: u32) -> String {
+    let read = |name: &str| format!("return {name}_V[w];");
+    if pages < 2 {
+        return PAGES.iter().take(pages as usize).map(|name| read(name)).next().unwrap_or_else(|| "return 0u;".into());
+    }
+    let case = |(page, name): (u32, &&str)| format!("case {page}u: {{ {} }}\n", read(name));
+    let cases: String = (0..).zip(&PAGES[..pages as usize]).map(case).collect();
+    format!("switch s.page {{\n{cases}default: {{ return 0u; }}\n}}\nreturn 0u;")
 }
