@@ -8,7 +8,7 @@ fn inside(value: f32) -> bool {
 
 fn march(ray: Ray, start: f32, count: u32, tail: f32, PARAMETERS) -> vec4f {
     // The first sample is where the ray enters: a surface that is cut open by the box has a lid.
-    var before = inside(grey_0(sample_0(origin_0 + start * direction_0)));
+    var before = inside(grey_0(value_0(origin_0 + start * direction_0)));
     if (before) {
         return surface(ray, start, origin_0, direction_0);
     }
@@ -25,7 +25,7 @@ fn march(ray: Ray, start: f32, count: u32, tail: f32, PARAMETERS) -> vec4f {
             continue;
         }
 //+end
-        if (inside(grey_0(sample_0(origin_0 + t * direction_0)))) {
+        if (inside(grey_0(value_0(origin_0 + t * direction_0)))) {
             return surface(ray, halve(last, t, origin_0, direction_0), origin_0, direction_0);
         }
         last = t;
@@ -40,7 +40,7 @@ fn halve(outer: f32, inner: f32, origin_0: vec3f, direction_0: vec3f) -> f32 {
     var b = inner;
     for (var i = 0u; i < HALVINGS; i++) {
         let middle = 0.5 * (a + b);
-        if (inside(grey_0(sample_0(origin_0 + middle * direction_0)))) {
+        if (inside(grey_0(value_0(origin_0 + middle * direction_0)))) {
             b = middle;
         } else {
             a = middle;
@@ -51,9 +51,9 @@ fn halve(outer: f32, inner: f32, origin_0: vec3f, direction_0: vec3f) -> f32 {
 
 fn surface(ray: Ray, t: f32, origin_0: vec3f, direction_0: vec3f) -> vec4f {
     let p = origin_0 + t * direction_0;
-    var color = classify_0(sample_0(p)).rgb;
+    var color = classify_0(value_0(p)).rgb;
 //+if gradient_shading
-    color = shade(color, world_0(gradient_0(p)), direction_of(ray, frame.forward, frame.right, frame.up));
+    color = shade(color, world_0(slope_0(p)), direction_of(ray, frame.forward, frame.right, frame.up));
 //+end
     return vec4f(color, 1.0);
 }

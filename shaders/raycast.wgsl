@@ -56,11 +56,11 @@ fn march(ray: Ray, start: f32, count: u32, tail: f32, PARAMETERS) -> vec4f {
 //+if many
         if (t >= span_V.x && t < span_V.y) {
 //+end
-        let c_V = classify_V(sample_V(p_V));
+        let c_V = classify_V(value_V(p_V));
         if (c_V.a > 0.0) {
             var color = c_V.rgb;
 //+if gradient_shading
-            color = shade(color, world_V(gradient_V(p_V)), direction_of(ray, frame.forward, frame.right, frame.up));
+            color = shade(color, world_V(slope_V(p_V)), direction_of(ray, frame.forward, frame.right, frame.up));
 //+end
             let a = (1.0 - sum.a) * correct(c_V.a, part * volume_V.ratio);
             sum += vec4f(a * color, a);
@@ -93,7 +93,7 @@ fn march(ray: Ray, start: f32, count: u32, tail: f32, PARAMETERS) -> vec4f {
             continue;
         }
 //+end
-        let v = sample_V(origin_V + t * direction_V);
+        let v = value_V(origin_V + t * direction_V);
 //+if maximum
         best_V = select(v, max(best_V, v), seen_V);
 //+else
@@ -125,7 +125,7 @@ fn march(ray: Ray, start: f32, count: u32, tail: f32, PARAMETERS) -> vec4f {
             continue;
         }
 //+end
-        let v = sample_V(origin_V + t * direction_V);
+        let v = value_V(origin_V + t * direction_V);
         length_V += part;
         mean_V += (v - mean_V) * (part / length_V);
     }

@@ -5,7 +5,7 @@
 
 fn sample_V(p: vec3f) -> VALUE_V {
     let at = (p + vec3f(0.5)) / vec3f(volume_V.last + vec3i(1));
-    return VALUE_V(textureSampleLevel(raw_V, filter_V, at, 0.0).SWIZZLE_V) * volume_V.unorm;
+    return VALUE_V(textureSampleLevel(raw_V, filter_V, at, 0.0).SWIZZLE_V) * volume_V.full_scale;
 }
 
 fn base_of_V(p: vec3f) -> vec3i {

@@ -8,7 +8,7 @@ fn voxel_V(c: vec3u) -> VALUE_V {
 
 fn texel_V(c: vec3u) -> vec3u {
 //+if folded_V
-    return fold_V(c >> vec3u(BRICK_LOG2_V)) * vec3u(1u << BRICK_LOG2_V) + (c & vec3u((1u << BRICK_LOG2_V) - 1u));
+    return fold_V(c >> vec3u(BRICK_LOG2_V)) * volume_V.brick + (c & vec3u((1u << BRICK_LOG2_V) - 1u));
 //+else
     return c;
 //+end

@@ -9,7 +9,7 @@ override WORD_LOG2_V: u32 = 2u;
 override BLOCK_X_V: u32 = 4u;
 override BLOCK_Y_V: u32 = 4u;
 override BLOCK_Z_V: u32 = 4u;
-// Whether blocks divide bricks: then the grid of blocks goes through.
+// Whether the grid of blocks goes through: blocks divide bricks, or there is but one along an axis.
 override ALIGNED_V: bool = true;
 
 fn voxel_V(c: vec3u) -> VALUE_V {
@@ -19,9 +19,9 @@ fn voxel_V(c: vec3u) -> VALUE_V {
 // The word that holds the index of voxel c.
 fn word_V(c: vec3u) -> u32 {
 //+if folded_V
-    let size = 1u << BRICK_LOG2_V;
-    let r = c & vec3u(size - 1u);
-    let at = fold_V(c >> vec3u(BRICK_LOG2_V)) * vec3u(size >> WORD_LOG2_V, size, size) + vec3u(r.x >> WORD_LOG2_V, r.y, r.z);
+    let words = vec3u((volume_V.brick.x + (1u << WORD_LOG2_V) - 1u) >> WORD_LOG2_V, volume_V.brick.yz);
+    let r = c & vec3u((1u << BRICK_LOG2_V) - 1u);
+    let at = fold_V(c >> vec3u(BRICK_LOG2_V)) * words + vec3u(r.x >> WORD_LOG2_V, r.y, r.z);
     return textureLoad(index_V, at, 0).x;
 //+else
     return textureLoad(index_V, vec3u(c.x >> WORD_LOG2_V, c.y, c.z), 0).x;
@@ -36,8 +36,8 @@ fn index_of_V(word: u32, x: u32) -> u32 {
 fn block_V(c: vec3u) -> vec3u {
     let block = vec3u(BLOCK_X_V, BLOCK_Y_V, BLOCK_Z_V);
 //+if folded_V
-    let size = vec3u(1u << BRICK_LOG2_V);
-    return fold_V(c >> vec3u(BRICK_LOG2_V)) * ((size + block - vec3u(1u)) / block) + (c & (size - vec3u(1u))) / block;
+    let blocks = (volume_V.brick + block - vec3u(1u)) / block;
+    return fold_V(c >> vec3u(BRICK_LOG2_V)) * blocks + (c & vec3u((1u << BRICK_LOG2_V) - 1u)) / block;
 //+else
     if (ALIGNED_V) {
         return c / block;

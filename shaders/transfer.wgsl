@@ -22,10 +22,10 @@ fn classify_V(value: VALUE_V) -> vec4f {
 //+end
 }
 
-// What the transfer function looks at: the value, or the luminance of a colour.
+// What the transfer function looks at: the value, or the largest component of a colour.
 fn grey_V(value: VALUE_V) -> f32 {
 //+if colour_V
-    return 0.2126 * value.x + 0.7152 * value.y + 0.0722 * value.z;
+    return max(value.x, max(value.y, value.z));
 //+else
     return value;
 //+end

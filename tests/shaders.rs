@@ -5,7 +5,7 @@ use naga::valid::{Capabilities, ValidationFlags, Validator};
 use naga::{AddressSpace, TypeInner};
 use vug::gpu::key::{Form, Gradient, Texel};
 use vug::gpu::layout::{Frame, Point, VolumeParams};
-use vug::gpu::{Effects, Lens, PipelineKey, Projection, Sampler, Traversal, VolumeKey};
+use vug::gpu::{Effect, Effects, Lens, PipelineKey, Projection, Sampler, Traversal, VolumeKey};
 
 fn forms() -> Vec<VolumeKey> {
     let mut all = Vec::new();
@@ -51,7 +51,7 @@ fn keys() -> Vec<PipelineKey> {
             for &projection in Projection::ALL {
                 for gradient in [Gradient::Naive, Gradient::Reuse] {
                     let effects = Effects::all_sets().last().unwrap();
-                    add(PipelineKey { sampler, projection, gradient, effects, ..base(form) });
+                    add(PipelineKey { sampler, projection, gradient, effects, volumes: vec![form; 2], ..base(form) });
                     add(PipelineKey {
                         sampler,
                         projection,
@@ -66,7 +66,8 @@ fn keys() -> Vec<PipelineKey> {
     }
     for effects in Effects::all_sets() {
         for &projection in Projection::ALL {
-            add(PipelineKey { effects, projection, ..base(forms()[2]) });
+            let volumes = vec![forms()[2]; 1 + usize::from(effects.has(Effect::TimeInterp))];
+            add(PipelineKey { effects, projection, volumes, ..base(forms()[2]) });
         }
     }
     all

@@ -73,7 +73,8 @@ gpu_struct! {
         specular: f32 = "f32",
         /// Exponent of the highlight.
         shininess: f32 = "f32",
-        pad0: f32 = "f32",
+        /// Where between two time steps the picture lies, 0 to 1.
+        time: f32 = "f32",
         /// The ray of the middle of the film starts here.
         base: [f32; 3] = "vec3f",
         pad1: f32 = "f32",
@@ -112,7 +113,7 @@ gpu_struct! {
         ratio: f32 = "f32",
         right_at: [f32; 3] = "vec3f",
         /// What a sampler's result is multiplied with: 255, 65535 or 1.
-        unorm: f32 = "f32",
+        full_scale: f32 = "f32",
         up_at: [f32; 3] = "vec3f",
         pad0: f32 = "f32",
         forward: [f32; 3] = "vec3f",
@@ -145,6 +146,9 @@ gpu_struct! {
         /// Tiles side by side in the texture.
         fold_grid: [u32; 3] = "vec3u",
         pad12: u32 = "u32",
+        /// Voxels of a brick, none longer than the level (folded levels).
+        brick: [u32; 3] = "vec3u",
+        pad14: u32 = "u32",
         /// Bricks of the level (zerobit).
         bricks: [u32; 3] = "vec3u",
         pad13: u32 = "u32",

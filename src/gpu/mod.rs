@@ -3,6 +3,7 @@
 pub mod compose;
 pub mod key;
 pub mod layout;
+pub mod level;
 pub mod shader;
 
 pub use key::{Effect, Effects, Lens, PipelineKey, Projection, Sampler, Source, Traversal, VolumeKey};

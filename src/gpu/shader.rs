@@ -80,6 +80,9 @@ impl PipelineKey {
         if self.traversal == Traversal::Slice && self.projection != Projection::Composite {
             return bad("traversal", "slices are blended: their projection is composite");
         }
+        if self.effects.has(Effect::TimeInterp) && (self.volumes.len() != 2 || self.volumes[0] != self.volumes[1]) {
+            return bad("time", "between time steps there is one volume, at two steps");
+        }
         for v in &self.volumes {
             if matches!(v.form, Form::Zerobit { pages, .. } if pages > MAX_PAGES) {
                 return bad(
@@ -121,6 +124,32 @@ impl PipelineKey {
             (Gradient::Reuse, Sampler::Linear | Sampler::LinearOpt, Form::S3dc(_)) => "gradient_reuse",
             _ => "gradient",
         }
+    }
+
+    /// Volumes that are seen: of two time steps, what lies between them is one.
+    #[must_use]
+    pub fn shown(&self) -> usize {
+        if self.effects.has(Effect::TimeInterp) { 1 } else { self.volumes.len() }
+    }
+
+    /// What a volume is at a place, and its gradient there: for two time steps, between them.
+    fn values(&self) -> String {
+        let mut text = String::new();
+        for (i, v) in self.volumes.iter().take(self.shown()).enumerate() {
+            let value = if v.colour { "vec3f" } else { "f32" };
+            let mut function = |name: &str, of: &str, result: &str| {
+                let body = match self.effects.has(Effect::TimeInterp) {
+                    true => format!("let before = {of}_0(p);\n    return before + ({of}_1(p) - before) * frame.time;"),
+                    false => format!("return {of}_{i}(p);"),
+                };
+                text.push_str(&format!("fn {name}_{i}(p: vec3f) -> {result} {{\n    {body}\n}}\n"));
+            };
+            function("value", "sample", value);
+            if self.shades() {
+                function("slope", "gradient", "vec3f");
+            }
+        }
+        text
     }
 
     fn shades(&self) -> bool {
@@ -196,17 +225,17 @@ impl PipelineKey {
         flag("extreme", matches!(self.projection, Projection::Maximum | Projection::Minimum));
         flag("maximum", self.projection == Projection::Maximum);
         flag("mean", self.projection == Projection::Mean);
-        flag("many", self.volumes.len() > 1);
+        flag("many", self.shown() > 1);
         flag("gradient_shading", self.shades());
         flag("empty_skip", self.skips());
         flag("early_out", self.effects.has(Effect::EarlyOut) && self.projection == Projection::Composite);
         flag("clip_box", self.effects.has(Effect::ClipBox));
-        let each = |f: fn(usize) -> String| (0..self.volumes.len()).map(f).collect::<Vec<_>>().join(", ");
+        let each = |f: fn(usize) -> String| (0..self.shown()).map(f).collect::<Vec<_>>().join(", ");
         choice.words = vec![
             ("ARGUMENTS", each(|v| format!("origin_{v}, direction_{v}, span_{v}"))),
             ("PARAMETERS", each(|v| format!("origin_{v}: vec3f, direction_{v}: vec3f, span_{v}: vec2f"))),
         ];
-        choice.volumes = self.volumes.iter().enumerate().map(|(i, v)| v.choice(i)).collect();
+        choice.volumes = self.volumes.iter().enumerate().map(|(i, v)| v.choice(i)).take(self.shown()).collect();
         choice
     }
 
@@ -217,7 +246,10 @@ impl PipelineKey {
     #[must_use]
     pub fn wgsl(&self) -> String {
         let choice = self.choice();
-        let take = |name: &str, volume| compose(name, file(name), &choice, volume).expect("directives pair up");
+        let mut each = choice.clone();
+        each.volumes = self.volumes.iter().enumerate().map(|(i, v)| v.choice(i)).collect();
+        let take_own = |name: &str, i| compose(name, file(name), &each, Some(i)).expect("directives pair up");
+        let take = |name: &str| compose(name, file(name), &choice, None).expect("directives pair up");
         let mut text = [Frame::WGSL, Point::WGSL, VolumeParams::WGSL].concat();
         text.push_str("@group(0) @binding(0) var<uniform> frame: Frame;\n");
         if self.traversal != Traversal::Slice {
@@ -225,17 +257,16 @@ impl PipelineKey {
         }
         for (i, v) in self.volumes.iter().enumerate() {
             text.push_str(&format!("@group({}) @binding(0) var<uniform> volume_{i}: VolumeParams;\n", i + 1));
-            if v.folded || self.skips() || matches!(v.form, Form::Zerobit { .. }) {
-                text.push_str(&format!("override BRICK_LOG2_{i}: u32 = 5u;\n"));
-            }
+            text.push_str(&format!("override BRICK_LOG2_{i}: u32 = 5u;\n"));
             for name in self.volume_files(v) {
-                text.push_str(&take(name, Some(i)));
+                text.push_str(&take_own(name, i));
             }
         }
+        text.push_str(&self.values());
         let own: Vec<&str> = self.volumes.iter().flat_map(|v| self.volume_files(v)).collect();
         for name in self.files() {
             if !own.contains(&name) {
-                text.push_str(&take(name, None));
+                text.push_str(&take(name));
             }
         }
         text

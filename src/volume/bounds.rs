@@ -40,7 +40,7 @@ impl Volume {
         let mut all: Option<Bounds> = None;
         self.load_pages_of(at, tree, &region)?;
         self.each_brick(&region, |brick| {
-            let b = self.brick_bounds(&self.find(tree, at.lod, brick)?);
+            let b = self.bounds_of(&self.find(tree, at.lod, brick)?);
             all = Some(all.map_or(b, |a| a.join(b)));
             Ok(())
         })?;
@@ -57,7 +57,7 @@ impl Volume {
         let whole = Region::whole(self.extent_at(at)?);
         self.load_pages_of(at, tree, &whole)?;
         self.each_brick(&whole, |brick| {
-            let b = self.brick_bounds(&self.find(tree, at.lod, brick)?);
+            let b = self.bounds_of(&self.find(tree, at.lod, brick)?);
             if f64::from(b.min) <= hi && f64::from(b.max) >= lo {
                 bricks.push(brick);
             }
@@ -127,7 +127,7 @@ impl Volume {
         Ok(())
     }
 
-    fn brick_bounds(&self, found: &Found<'_>) -> Bounds {
+    pub(super) fn bounds_of(&self, found: &Found<'_>) -> Bounds {
         let node = found.node();
         // An EMPTY brick without live descendants says nothing: its voxels are the null value.
         if node.kind == NodeKind::Empty && node.child_mask == 0 {

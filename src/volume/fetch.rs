@@ -24,11 +24,11 @@ pub(super) const MERGE_GAP: u64 = 512;
 pub(super) const MERGE_MAX: u64 = 2 << 20;
 /// Stored bytes from which on a group is complete: work for all connections to a distant source, and little enough that
 /// decoding begins soon.
-const GROUP_BYTES: u64 = 12 << 20;
+pub(super) const GROUP_BYTES: u64 = 12 << 20;
 /// Bytes of inflated payloads from which on a group is complete: what is stored can be a thousandth of it.
-const GROUP_INFLATED: u64 = 64 << 20;
+pub(super) const GROUP_INFLATED: u64 = 64 << 20;
 /// Bricks from which on a group is complete, where next to nothing is stored.
-const GROUP_BRICKS: usize = 1 << 16;
+pub(super) const GROUP_BRICKS: usize = 1 << 16;
 /// Payload bytes held in copies at a time while a region is read.
 pub(super) const STAGE_BYTES: u64 = 256 << 20;
 
@@ -42,7 +42,7 @@ pub(super) enum Content<'a> {
 pub(super) struct Part<'a> {
     /// First voxel of the brick, in the level's voxels.
     pub(super) origin: Coord,
-    found: Found<'a>,
+    pub(super) found: Found<'a>,
     pub(super) content: Content<'a>,
     /// The wanted part of the brick, in the level's voxels.
     pub(super) region: Region,
@@ -147,7 +147,7 @@ impl Volume {
         Ok(Stage { parts, end, error: None })
     }
 
-    fn part(&self, at: At, tree: u32, brick: Coord, region: &Region) -> Result<Part<'_>> {
+    pub(super) fn part(&self, at: At, tree: u32, brick: Coord, region: &Region) -> Result<Part<'_>> {
         let found = self.find(tree, at.lod, brick)?;
         let node = found.node();
         let content = match node.kind {
@@ -175,7 +175,7 @@ impl Volume {
     ///
     /// # Errors
     /// That of the first part in order; those of the source itself at once.
-    fn fetch<'a>(&'a self, parts: &mut [Part<'a>], ahead: &Ahead) -> Result<()> {
+    pub(super) fn fetch<'a>(&'a self, parts: &mut [Part<'a>], ahead: &Ahead) -> Result<()> {
         let missing = self.missing(parts);
         if self.source.connections() > 1 && !missing.is_empty() {
             match &ahead.pool {

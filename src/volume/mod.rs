@@ -63,6 +63,7 @@ mod open;
 mod options;
 mod pages;
 mod pass;
+mod payloads;
 mod plane_cache;
 mod pyramid;
 mod reduced;
@@ -87,6 +88,7 @@ pub use edit::{Appender, BrickOrder, CopyOptions, CopyReport, Excerpt, Recovered
 pub use encode::{Progress, encode, encode_log};
 pub use open::Volume;
 pub use options::{Bound, CodecChoice, EncodeOptions, NonFinite, Quality, ZerobitOptions};
+pub use payloads::{BrickPayload, LevelBricks, LevelCodec, PayloadBytes};
 pub use plane_cache::PlaneSampler;
 pub use report::EncodeReport;
 pub use salvage::{LostBrick, Salvaged};

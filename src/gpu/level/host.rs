@@ -1,0 +1,112 @@
+//! A level in this machine's memory, byte for byte as a GPU holds it: what the CPU renderer samples.
+
+use super::{Filled, LevelLayout, LevelTarget, TextureLayout, fill, readable};
+use crate::error::{Code, Error, Result};
+use crate::geometry::Coord;
+use crate::volume::Volume;
+
+/// A level in memory.
+///
+/// Of zerobit levels, [`HostLevel::table`] has four words per brick (x fastest): 0 or 1 and, in the fourth, the raw value of
+/// every voxel; or 2 + page, first word in the page, bytes of the payload, number of its codebook. [`HostLevel::books`] has
+/// 512 words per codebook: 256 averages, then 256 details; of scalars as i32, of rgb8 three bytes from the lowest on.
+#[derive(Clone, Debug)]
+pub struct HostLevel {
+    /// How it lies.
+    pub layout: LevelLayout,
+    /// Texels of each texture, x fastest, then y, then z; little-endian.
+    pub textures: Vec<Vec<u8>>,
+    /// Pages of streams: payloads at whole words, little-endian.
+    pub pages: Vec<Vec<u32>>,
+    /// The brick table of zerobit.
+    pub table: Vec<u32>,
+    /// The codebooks of zerobit.
+    pub books: Vec<u32>,
+    /// What was written.
+    pub filled: Filled,
+}
+
+impl HostLevel {
+    /// Loads the `wanted` bricks (position in bricks) of a level.
+    ///
+    /// # Errors
+    /// `E_LIMIT` where there is not that much memory; those of [`fill`].
+    pub fn load(
+        volume: &Volume,
+        layout: LevelLayout,
+        wanted: &dyn Fn(Coord) -> bool,
+        progress: &mut dyn FnMut(u64, u64),
+    ) -> Result<Self> {
+        let textures = layout.textures.iter().map(zeros).collect::<Result<_>>()?;
+        let mut store = Memory { layout: &layout, textures, pages: Vec::new(), table: Vec::new(), books: Vec::new() };
+        let filled = fill(volume, &layout, wanted, &mut store, progress)?;
+        let Memory { textures, pages, table, books, .. } = store;
+        Ok(HostLevel { layout, textures, pages, table, books, filled })
+    }
+
+    /// Texel `at` of texture `texture`, each channel as its 32 bits in a shader; 0 outside.
+    #[must_use]
+    #[inline]
+    pub fn texel(&self, texture: usize, at: [u32; 3]) -> [u32; 4] {
+        let t = &self.layout.textures[texture];
+        match offset(t, at) {
+            Some(from) => t.format.read(&self.textures[texture][from..]),
+            None => [0; 4],
+        }
+    }
+}
+
+/// Where a texel lies; `None` outside.
+#[inline]
+fn offset(t: &TextureLayout, at: [u32; 3]) -> Option<usize> {
+    let inside = (0..3).all(|a| at[a] < t.size[a]);
+    let [x, y, z] = at.map(|v| v as usize);
+    inside.then(|| (x + t.size[0] as usize * (y + t.size[1] as usize * z)) * t.format.bytes() as usize)
+}
+
+fn zeros(t: &TextureLayout) -> Result<Vec<u8>> {
+    let too_much = || {
+        let message = format!("{} are more than this machine has; use a coarser level", readable(t.bytes()));
+        Error::new(Code::Limit, "memory", message)
+    };
+    let len = usize::try_from(t.bytes()).ok().filter(|&n| isize::try_from(n).is_ok()).ok_or_else(too_much)?;
+    // Asked for first, so that what cannot be had is an error; then taken as zeros, which costs nothing until it is used.
+    Vec::<u8>::new().try_reserve_exact(len).map_err(|_| too_much())?;
+    Ok(vec![0; len])
+}
+
+/// The target.
+struct Memory<'a> {
+    layout: &'a LevelLayout,
+    textures: Vec<Vec<u8>>,
+    pages: Vec<Vec<u32>>,
+    table: Vec<u32>,
+    books: Vec<u32>,
+}
+
+impl LevelTarget for Memory<'_> {
+    fn write(&mut self, texture: usize, origin: [u32; 3], size: [u32; 3], bytes: &[u8]) -> Result<()> {
+        let t = &self.layout.textures[texture];
+        let row = size[0] as usize * t.format.bytes() as usize;
+        let mut rows = bytes.chunks_exact(row);
+        for z in 0..size[2] {
+            for y in 0..size[1] {
+                let place = offset(t, [origin[0], origin[1] + y, origin[2] + z]);
+                if let (Some(from), Some(bytes)) = (place, rows.next()) {
+                    self.textures[texture][from..from + row].copy_from_slice(bytes);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn page(&mut self, words: Vec<u32>) -> Result<()> {
+        self.pages.push(words);
+        Ok(())
+    }
+
+    fn tables(&mut self, bricks: Vec<u32>, books: Vec<u32>) -> Result<()> {
+        (self.table, self.books) = (bricks, books);
+        Ok(())
+    }
+}
