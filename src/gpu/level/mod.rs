@@ -88,6 +88,18 @@ pub enum Role {
     Minmax,
 }
 
+impl Role {
+    /// The name in shaders and reports.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Role::Raw => "raw",
+            Role::Index => "index",
+            Role::Minmax => "minmax",
+        }
+    }
+}
+
 /// One 3D texture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TextureLayout {
@@ -255,7 +267,7 @@ impl LevelLayout {
             };
             texture(Role::Raw, format, [1; 3], brick)
         };
-        let mut textures = match store {
+        let textures = match store {
             Store::Raw { .. } => vec![raw(false)],
             Store::S3dc { index_bits, block, .. } => vec![
                 texture(Role::Minmax, TexelFormat::of_pairs(sample), block, brick),
@@ -263,23 +275,37 @@ impl LevelLayout {
             ],
             Store::Zerobit { .. } => Vec::new(),
         };
-        let mut decoded = (compressed && source == Source::Deferred).then(|| raw(true));
-        let all = || textures.iter().chain(&decoded);
-        if filtered && !fit.filter_f32 && all().any(|t| t.role == Role::Raw && t.format == TexelFormat::R32Float) {
+        let decoded = (compressed && source == Source::Deferred).then(|| raw(true));
+        let mut all = textures.iter().chain(&decoded);
+        if filtered && !fit.filter_f32 && all.any(|t| t.role == Role::Raw && t.format == TexelFormat::R32Float) {
             let message = "this device does not filter f32; use sampler linear, which needs no texture unit";
             return Err(Error::new(Code::Unsupported, "sampler", message));
         }
         let bricks = level.bricks.to_array();
-        let most = std::array::from_fn(|a| all().map(|t| fit.max_3d / t.per_brick[a]).min().unwrap_or(u32::MAX));
-        let Some(fold) = Fold::new(bricks, most).filter(|fold| fold.is_flat() || !filtered) else { return Ok(None) };
+        let fold = |all: &[TextureLayout]| {
+            let most = |a| all.iter().map(|t| fit.max_3d / t.per_brick[a]).min().unwrap_or(u32::MAX);
+            Fold::new(bricks, std::array::from_fn(most))
+        };
+        let mut all: Vec<TextureLayout> = textures.into_iter().chain(decoded).collect();
+        let fold = match fold(&all) {
+            Some(flat) if flat.is_flat() => flat,
+            _ if filtered => return Ok(None),
+            // In tiles every brick takes as much room as a whole one: shaders know no other.
+            _ => {
+                all.iter_mut().for_each(|t| t.per_brick = t.texels(Extent::cube(edge)));
+                let Some(fold) = fold(&all) else { return Ok(None) };
+                fold
+            }
+        };
         let last = volume.head().octree.brick_extent(at.lod, bricks.map(|n| n - 1));
-        for t in textures.iter_mut().chain(&mut decoded) {
+        for t in &mut all {
             let (rest, n) = (t.texels(last), fold.bricks());
             // The last bricks are as small as they are, where nothing lies behind them.
-            t.size = std::array::from_fn(|a| {
-                (n[a] - 1) * t.per_brick[a] + if fold.is_flat() { rest[a] } else { t.per_brick[a] }
-            });
+            let rest = if fold.is_flat() { rest } else { t.per_brick };
+            t.size = std::array::from_fn(|a| (n[a] - 1) * t.per_brick[a] + rest[a]);
         }
+        let decoded = decoded.and_then(|_| all.pop());
+        let textures = all;
         let pages = match store {
             Store::Zerobit { .. } => Some(PageLayout {
                 page_bytes: fit.page_bytes(),
@@ -312,6 +338,18 @@ impl LevelLayout {
         let textures = self.textures.iter().chain(&self.decoded).map(TextureLayout::bytes);
         let pages = self.pages.iter().flat_map(|p| [p.stream_bytes, p.table_bytes, p.book_bytes]);
         textures.chain(pages).fold(0, u64::saturating_add)
+    }
+
+    /// The error of a device that does not hold the level after all, because `why`: it says what `fit` would hold.
+    #[must_use]
+    pub fn refused(&self, volume: &Volume, fit: &Fit, why: &str) -> Error {
+        fit::too_much(volume, Wish { at: self.at, source: self.source, filtered: self.filtered }, fit, why)
+    }
+
+    /// Number of the texture with this role.
+    #[must_use]
+    pub fn texture_of(&self, role: Role) -> Option<usize> {
+        self.textures.iter().position(|t| t.role == role)
     }
 
     /// The texel of `texture` that holds what concerns voxel `c`.
