@@ -13,8 +13,8 @@ macro_rules! files {
 }
 
 files! {
-        "camera", "fold", "gradient", "gradient_reuse", "iso", "opacity", "raycast", "sample_hw_linear", "sample_linear",
-    "sample_linear_opt", "sample_nearest", "shade", "skip", "source_raw", "source_s3dc", "source_zerobit", "transfer",
+        "camera", "cut_plane", "fold", "gradient", "gradient_reuse", "iso", "opacity", "raycast", "sample_hw_linear", "sample_linear",
+    "sample_linear_opt", "sample_nearest", "shade", "skip", "slice", "source_raw", "source_s3dc", "source_zerobit", "transfer",
 }
 
 /// The text of a file of [`FILES`].
@@ -79,6 +79,9 @@ impl PipelineKey {
         }
         if self.traversal == Traversal::Slice && self.projection != Projection::Composite {
             return bad("traversal", "slices are blended: their projection is composite");
+        }
+        if self.traversal == Traversal::CutPlane && self.projection != Projection::Composite {
+            return bad("traversal", "a cutting plane has one sample per pixel: its projection is composite");
         }
         if self.effects.has(Effect::TimeInterp) && (self.volumes.len() != 2 || self.volumes[0] != self.volumes[1]) {
             return bad("time", "between time steps there is one volume, at two steps");
@@ -153,7 +156,9 @@ impl PipelineKey {
     }
 
     fn shades(&self) -> bool {
-        self.effects.has(Effect::GradientShading) && matches!(self.projection, Projection::Composite | Projection::Iso)
+        self.effects.has(Effect::GradientShading)
+            && self.traversal != Traversal::CutPlane
+            && matches!(self.projection, Projection::Composite | Projection::Iso)
     }
 
     fn skips(&self) -> bool {
