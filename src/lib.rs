@@ -25,6 +25,8 @@ pub mod volume;
 
 #[cfg(feature = "gpu")]
 pub mod gpu;
+#[cfg(feature = "gpu")]
+pub mod render;
 
 #[cfg(feature = "cli")]
 pub mod cli;
