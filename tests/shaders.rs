@@ -64,6 +64,16 @@ fn keys() -> Vec<PipelineKey> {
             }
         }
     }
+    for form in forms() {
+        for traversal in [Traversal::Slice, Traversal::CutPlane] {
+            for (sampler, lens) in [(Sampler::Linear, Lens::Perspective), (Sampler::Nearest, Lens::Orthographic)] {
+                let effects = Effects::all_sets().last().unwrap();
+                add(PipelineKey { traversal, sampler, lens, effects, volumes: vec![form; 2], ..base(form) });
+                add(PipelineKey { traversal, sampler, lens, volumes: vec![form; 3], ..base(form) });
+                add(PipelineKey { traversal, sampler, lens, ..base(form) });
+            }
+        }
+    }
     for effects in Effects::all_sets() {
         for &projection in Projection::ALL {
             let volumes = vec![forms()[2]; 1 + usize::from(effects.has(Effect::TimeInterp))];

@@ -156,3 +156,30 @@ gpu_struct! {
         points: [Point; MAX_POINTS] = "array<Point, 256>",
     }
 }
+
+gpu_struct! {
+    /// A level that is decoded: how it lies in its textures.
+    DecodeParams {
+        /// Voxels of the level.
+        extent: [u32; 3] = "vec3u",
+        pad0: u32 = "u32",
+        /// The first invocation of this dispatch.
+        first: [u32; 3] = "vec3u",
+        pad1: u32 = "u32",
+        /// The last voxel along each axis (zerobit).
+        last: [i32; 3] = "vec3i",
+        pad6: u32 = "u32",
+        /// Bricks of a tile (folded levels).
+        fold_tile: [u32; 3] = "vec3u",
+        pad2: u32 = "u32",
+        /// Tiles of the level.
+        fold_tiles: [u32; 3] = "vec3u",
+        pad3: u32 = "u32",
+        /// Tiles side by side in the texture.
+        fold_grid: [u32; 3] = "vec3u",
+        pad4: u32 = "u32",
+        /// Bricks of the level (zerobit).
+        bricks: [u32; 3] = "vec3u",
+        pad5: u32 = "u32",
+    }
+}

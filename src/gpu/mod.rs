@@ -5,7 +5,9 @@ pub mod device;
 pub mod key;
 pub mod layout;
 pub mod level;
+pub mod pass;
 pub mod shader;
+pub mod tolerance;
 pub mod upload;
 
 pub use device::{AdapterChoice, Gpu};

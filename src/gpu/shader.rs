@@ -13,8 +13,9 @@ macro_rules! files {
 }
 
 files! {
-        "camera", "cut_plane", "fold", "gradient", "gradient_reuse", "iso", "opacity", "raycast", "sample_hw_linear", "sample_linear",
-    "sample_linear_opt", "sample_nearest", "shade", "skip", "slice", "source_raw", "source_s3dc", "source_zerobit", "transfer",
+    "camera", "cut_plane", "decode", "fold", "gradient", "gradient_reuse", "iso", "opacity", "raycast", "sample_hw_linear",
+    "sample_linear", "sample_linear_opt", "sample_nearest", "shade", "skip", "slice", "source_raw", "source_s3dc",
+    "source_zerobit", "transfer",
 }
 
 /// The text of a file of [`FILES`].

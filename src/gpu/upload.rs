@@ -1,7 +1,7 @@
 //! A level on the GPU: payload bytes go to textures and buffers as they are.
 
 use super::device::Gpu;
-use super::level::{Filled, LevelLayout, LevelTarget, TexelFormat, TextureLayout, fill};
+use super::level::{Filled, HostLevel, LevelLayout, LevelTarget, TexelFormat, TextureLayout, fill};
 use crate::error::{Code, Result};
 use crate::geometry::Coord;
 use crate::volume::Volume;
@@ -70,6 +70,36 @@ impl GpuLevel {
         store.submit()?;
         let Uploading { textures, pages, tables, .. } = store;
         Ok(GpuLevel { layout, textures, pages, tables, filled })
+    }
+}
+
+impl GpuLevel {
+    /// A level in memory, as it is, whatever is in it.
+    ///
+    /// # Errors
+    /// `E_LIMIT` where the device has not enough memory, `E_SOURCE` where it does not take a texture.
+    pub fn of_host(gpu: &Gpu, host: &HostLevel) -> Result<GpuLevel> {
+        let layout = &host.layout;
+        let make = || layout.textures.iter().map(|t| texture(gpu, t, wgpu::TextureUsages::COPY_DST)).collect();
+        let textures = gpu.checked(make)?;
+        let mut store = Uploading { gpu, layout, textures, pages: Vec::new(), tables: None, waiting: 0 };
+        for (i, texels) in host.textures.iter().enumerate() {
+            let t = &layout.textures[i];
+            // Slice by slice: the whole may be more than can wait.
+            let slice = texels.len() / t.size[2] as usize;
+            for (z, texels) in (0..).zip(texels.chunks_exact(slice)) {
+                store.write(i, [0, 0, z], [t.size[0], t.size[1], 1], texels)?;
+            }
+        }
+        for page in &host.pages {
+            store.page(page.clone())?;
+        }
+        if layout.pages.is_some() {
+            store.tables(host.table.clone(), host.books.clone())?;
+        }
+        store.submit()?;
+        let Uploading { textures, pages, tables, .. } = store;
+        Ok(GpuLevel { layout: layout.clone(), textures, pages, tables, filled: host.filled })
     }
 }
 

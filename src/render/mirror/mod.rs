@@ -16,7 +16,7 @@ mod skip;
 mod slice;
 mod source_raw;
 mod source_s3dc;
-mod source_zerobit;
+pub mod source_zerobit;
 #[cfg(test)]
 mod tests;
 mod transfer;

@@ -1,0 +1,3 @@
+//! Passes: work on the GPU that a scene asks for by name.
+
+pub mod decode;
