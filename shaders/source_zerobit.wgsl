@@ -104,8 +104,8 @@ fn node_V(s: Payload_V, map: u32, at: u32, odd: vec3u) -> INT_V {
 
 // Of 64 flags, the seven from `p` on.
 fn seven_V(flags: vec2u, p: u32) -> u32 {
-    let from = select(select(flags.x, (flags.x >> p) | (flags.y << (32u - p)), p > 0u), flags.y >> (p & 31u), p > 31u);
-    return from & 0x7fu;
+    let seven = select(select(flags.x, (flags.x >> p) | (flags.y << (32u - p)), p > 0u), flags.y >> (p & 31u), p > 31u);
+    return seven & 0x7fu;
 }
 
 // Of 64 flags, how many are set before `p`.
