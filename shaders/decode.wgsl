@@ -76,8 +76,7 @@ fn store(c: vec3u, v: DECODED) {
 
 fn place(c: vec3u) -> vec3u {
 //+if folded
-    let size = 1u << BRICK_LOG2_0;
-    return fold_0(c >> vec3u(BRICK_LOG2_0)) * size + (c & vec3u(size - 1u));
+    return fold_0(c >> vec3u(BRICK_LOG2_0)) * volume_0.brick + (c & vec3u((1u << BRICK_LOG2_0) - 1u));
 //+else
     return c;
 //+end

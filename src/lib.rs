@@ -28,6 +28,9 @@ pub mod gpu;
 #[cfg(feature = "gpu")]
 pub mod render;
 
+#[cfg(feature = "gpu")]
+pub mod tradeoff;
+
 #[cfg(feature = "cli")]
 pub mod cli;
 

@@ -105,7 +105,7 @@ fn levels_in_tiles_are_decoded_into_tiles() {
     check_volume(&long, &Fit { max_3d: 2048, ..gpu().fit(None) }, "long");
 }
 
-#[test] // K-07: end points out of order decode to the first
+#[test] // hard case: K-14: end points out of order decode to the first
 #[cfg_attr(feature = "skip-gpu-tests", ignore = "no GPU adapter: built with skip-gpu-tests")]
 fn hostile_end_points_and_indices_decode_alike() {
     for bits in [1, 2, 4, 8] {
@@ -128,6 +128,36 @@ fn hostile_end_points_and_indices_decode_alike() {
                 &cpu,
                 &format!("hostile {bits} {}", volume.info().sample_type),
             );
+        }
+    }
+}
+
+/// A volume of one type from given samples, along x.
+fn row<T: vug::voxel::Sample>(bits: u8, block: u32, samples: &[T]) -> Volume {
+    let extent = Extent::new(samples.len() as u32, 1, 1);
+    encoded(extent, &options(CodecChoice::S3dc, bits, [block, 1, 1]), |c| samples[c[0] as usize])
+}
+
+#[test] // hard cases: K-05, K-06, K-07, K-08, K-09, K-10, K-11, K-12, K-19
+#[cfg_attr(feature = "skip-gpu-tests", ignore = "no GPU adapter: built with skip-gpu-tests")]
+fn edges_of_the_number_range_decode_alike() {
+    let fit = gpu().fit(None);
+    let wide: Vec<u16> = (0..48).map(|i| if i % 4 == 0 { 65_535 } else { i * 1365 }).collect();
+    let signed: Vec<i16> = (0..48).map(|i| [i16::MIN, i16::MAX, -1, i * 680][i as usize % 4]).collect();
+    let ties: Vec<u8> = [0, 2, 1, 1].repeat(12);
+    let far: Vec<f32> = [-3e38, 3e38, 0.0, 1e38].repeat(12);
+    let near: Vec<f32> = [1.0f32, 1.0f32.next_up(), 1.0, 1.0].repeat(12);
+    let tiny: Vec<f32> = [1e-45, 1e-40, 0.0, -1e-42].repeat(12);
+    let zeros: Vec<f32> = [-0.0, 0.0, -0.0, 5.0].repeat(12);
+    for bits in [1, 2, 4, 8] {
+        for block in [2, 4, 16] {
+            check_volume(&row(bits, block, &wide), &fit, "wide");
+            check_volume(&row(bits, block, &signed), &fit, "signed");
+            check_volume(&row(bits, block, &ties), &fit, "ties");
+            check_volume(&row(bits, block, &far), &fit, "far");
+            check_volume(&row(bits, block, &near), &fit, "near");
+            check_volume(&row(bits, block, &tiny), &fit, "tiny");
+            check_volume(&row(bits, block, &zeros), &fit, "zeros");
         }
     }
 }

@@ -63,7 +63,7 @@ impl Gpu {
     /// The adapters of this machine that can do what is needed, best first.
     #[must_use]
     pub fn list() -> Vec<wgpu::AdapterInfo> {
-        adapters(&instance(wgpu::Backends::PRIMARY | wgpu::Backends::GL)).iter().map(wgpu::Adapter::get_info).collect()
+        adapters().iter().map(wgpu::Adapter::get_info).collect()
     }
 
     /// Opens the chosen adapter with all its limits.
@@ -71,7 +71,7 @@ impl Gpu {
     /// # Errors
     /// `E_SOURCE` where there is no such adapter, with those there are, or where it does not open.
     pub fn open(choice: &AdapterChoice) -> Result<Gpu> {
-        let all = adapters(&instance(wgpu::Backends::PRIMARY | wgpu::Backends::GL));
+        let all = adapters();
         let Some(adapter) = all.iter().find(|a| choice.takes(&a.get_info())) else {
             let names: Vec<_> = all.iter().map(|a| describe(&a.get_info())).collect();
             let message = match names.len() {
@@ -255,9 +255,14 @@ fn instance(backends: wgpu::Backends) -> wgpu::Instance {
     wgpu::Instance::new(wanted)
 }
 
-/// Adapters that run compute shaders, best first.
-fn adapters(instance: &wgpu::Instance) -> Vec<wgpu::Adapter> {
-    let mut all = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::all()));
+/// Adapters that run compute shaders, best first. OpenGL is only asked where nothing else is: it is the same hardware once more,
+/// and its libraries complain about machines without a screen.
+fn adapters() -> Vec<wgpu::Adapter> {
+    let of = |backends| pollster::block_on(instance(backends).enumerate_adapters(backends));
+    let mut all = of(wgpu::Backends::PRIMARY);
+    if all.is_empty() {
+        all = of(wgpu::Backends::GL);
+    }
     all.retain(|a| a.get_downlevel_capabilities().flags.contains(wgpu::DownlevelFlags::COMPUTE_SHADERS));
     all.sort_by_key(|a| {
         let info = a.get_info();

@@ -9,6 +9,7 @@ macro_rules! gpu_struct {
         $(#[$doc])*
         #[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
         #[repr(C)]
+        #[allow(missing_docs, reason = "padding, and what is told once in `Frame`")]
         #[allow(unsafe_code, reason = "the derive of Pod implements a marker for plain bytes; it checks at compile time that there is no padding")]
         pub struct $name { $($(#[$fdoc])* pub $field: $rust,)* }
 
@@ -178,6 +179,9 @@ gpu_struct! {
         /// Tiles side by side in the texture.
         fold_grid: [u32; 3] = "vec3u",
         pad4: u32 = "u32",
+        /// Voxels of a brick, none longer than the level.
+        brick: [u32; 3] = "vec3u",
+        pad6: u32 = "u32",
         /// Bricks of the level (zerobit).
         bricks: [u32; 3] = "vec3u",
         pad5: u32 = "u32",

@@ -65,9 +65,15 @@ pub fn group_layouts(gpu: &Gpu, bindings: &[Binding], stages: wgpu::ShaderStages
             let entries: Vec<_> = bindings
                 .iter()
                 .filter(|b| b.group == group)
-                .map(|b| wgpu::BindGroupLayoutEntry { binding: b.binding, visibility: stages, ty: kind(b.kind), count: None })
+                .map(|b| wgpu::BindGroupLayoutEntry {
+                    binding: b.binding,
+                    visibility: stages,
+                    ty: kind(b.kind),
+                    count: None,
+                })
                 .collect();
-            gpu.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some("group"), entries: &entries })
+            gpu.device
+                .create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some("group"), entries: &entries })
         })
         .collect()
 }

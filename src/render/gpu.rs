@@ -11,7 +11,7 @@ use crate::error::Result;
 use crate::gpu::key::Form;
 use crate::gpu::layout;
 use crate::gpu::level::Filled;
-use crate::gpu::pass::DecodePass;
+use crate::gpu::pass::decode::DecodePass;
 use crate::gpu::pipeline::{Compiled, Pipelines};
 use crate::gpu::shader::{BindingKind, PAGE_BINDING};
 use crate::gpu::{Gpu, GpuLevel, PipelineKey};
@@ -57,8 +57,7 @@ impl GpuScene {
             let wanted = |brick| planned.wanted.has(brick);
             let started = Instant::now();
             let mut told = |done, of| progress("upload", done, of);
-            let level =
-                GpuLevel::upload(gpu, &volumes[planned.volume], planned.layout.clone(), &wanted, &mut told)?;
+            let level = GpuLevel::upload(gpu, &volumes[planned.volume], planned.layout.clone(), &wanted, &mut told)?;
             loading.push(PassTime::wall("upload", started));
             let decoded = match planned.layout.decoded {
                 Some(_) => {
@@ -105,7 +104,13 @@ impl GpuScene {
     ///
     /// # Errors
     /// `E_LIMIT`, `E_SOURCE` of the device.
-    pub fn picture(&self, plan: &Plan, scene: &Scene, view: &View, progress: Progress<'_>) -> Result<(Image, Vec<PassTime>)> {
+    pub fn picture(
+        &self,
+        plan: &Plan,
+        scene: &Scene,
+        view: &View,
+        progress: Progress<'_>,
+    ) -> Result<(Image, Vec<PassTime>)> {
         let gpu = &*self.gpu;
         let key = self.key(plan);
         let compiled = self.pipelines.get(gpu, &key, &overrides(plan, scene))?;
@@ -115,7 +120,8 @@ impl GpuScene {
             gpu.queue.write_buffer(&resident.params, 0, bytemuck::bytes_of(&params));
         }
         let [width, height] = view.size;
-        let most = u32::try_from(gpu.limits.max_storage_buffer_binding_size / (16 * u64::from(width))).unwrap_or(u32::MAX);
+        let most =
+            u32::try_from(gpu.limits.max_storage_buffer_binding_size / (16 * u64::from(width))).unwrap_or(u32::MAX);
         let rows = (BAND_PIXELS / width).clamp(8, most.max(1)).min(height);
         let uniform = buffer(gpu, size_of::<layout::Frame>(), wgpu::BufferUsages::UNIFORM);
         let target = buffer(gpu, width as usize * rows as usize * 16, wgpu::BufferUsages::STORAGE);

@@ -42,8 +42,8 @@ impl Image {
     /// Writes a portable float map: three floats a pixel in front of `background`, little-endian, rows from the bottom.
     ///
     /// # Errors
-    /// `E_SOURCE` where it cannot be written.
-    pub fn write_pfm(&self, out: &mut impl Write, background: [f32; 3]) -> Result<()> {
+    /// Those of `out`.
+    pub fn write_pfm(&self, out: &mut impl Write, background: [f32; 3]) -> std::io::Result<()> {
         write!(out, "PF\n{} {}\n-1.0\n", self.width, self.height)?;
         let all: Vec<[f32; 3]> = self.colours(background).collect();
         for row in all.chunks_exact(self.width as usize).rev() {

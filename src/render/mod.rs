@@ -12,6 +12,7 @@
 //! ```
 
 pub mod camera;
+pub mod fidelity;
 mod gpu;
 pub mod image;
 pub mod mirror;
@@ -24,9 +25,9 @@ pub mod transfer;
 pub use image::Image;
 
 use crate::error::Result;
+use crate::gpu::Gpu;
 use crate::gpu::level::{Filled, Fit, HostLevel};
 use crate::gpu::pipeline::Pipelines;
-use crate::gpu::{Gpu, Source};
 use crate::volume::Volume;
 use camera::View;
 use mirror::{Real, Work};
@@ -123,7 +124,7 @@ impl Renderer {
     /// Those of [`Plan::new`] and of reading bricks; `E_LIMIT`, `E_SOURCE` of the device.
     pub fn new(scene: Scene, volumes: Vec<Arc<Volume>>, backend: Backend, progress: Progress<'_>) -> Result<Renderer> {
         let refs: Vec<&Volume> = volumes.iter().map(|v| &**v).collect();
-        let plan = Plan::new(&planned_scene(&scene, &backend), &refs, &backend.fit())?;
+        let plan = Plan::new(&scene, &refs, &backend.fit())?;
         let pipelines = Arc::new(Pipelines::default());
         let (loaded, loading) = load(&plan, &volumes, &backend, &pipelines, progress)?;
         Ok(Renderer { scene, volumes, backend, plan, loaded, pipelines, loading })
@@ -216,8 +217,7 @@ impl Renderer {
             true => volumes.chunks(1).collect(),
             false => vec![&volumes],
         };
-        let (image, work) =
-            reference::picture::<R, Work>(&frame, &groups, &|done, of| progress("render", done, of));
+        let (image, work) = reference::picture::<R, Work>(&frame, &groups, &|done, of| progress("render", done, of));
         let passes = vec![PassTime::wall(self.plan.key.entry(), started)];
         Ok(Rendered { image, work: Some(work), passes })
     }
@@ -231,17 +231,12 @@ impl Renderer {
         let mut scene = self.scene.clone();
         scene.volumes[volume].transfer = transfer;
         let refs: Vec<&Volume> = self.volumes.iter().map(|v| &**v).collect();
-        let plan = Plan::new(&planned_scene(&scene, &self.backend), &refs, &self.backend.fit())?;
+        let plan = Plan::new(&scene, &refs, &self.backend.fit())?;
         (self.scene, self.plan) = (scene, plan);
         let (loaded, loading) = load(&self.plan, &self.volumes, &self.backend, &self.pipelines, progress)?;
         (self.loaded, self.loading) = (loaded, loading);
         Ok(())
     }
-}
-
-/// The scene as this backend plans it: the CPU decodes zerobit when it loads, and has no texture unit.
-fn planned_scene(scene: &Scene, _backend: &Backend) -> Scene {
-    scene.clone()
 }
 
 fn load(

@@ -16,8 +16,8 @@ pub fn picture<R: Real, C: Counter + Into<Work>>(
         .map(|y| {
             let mut n = C::default();
             #[allow(clippy::cast_possible_truncation, reason = "pictures are kept in f32")]
-            let row =
-                (0..frame.width).map(|x| trace(frame, volumes, &ray_of(frame, x, y), &mut n).map(|v| v.to_f64() as f32));
+            let row = (0..frame.width)
+                .map(|x| trace(frame, volumes, &ray_of(frame, x, y), &mut n).map(|v| v.to_f64() as f32));
             let row = row.collect();
             progress(done.fetch_add(1, std::sync::atomic::Ordering::Relaxed) + 1, frame.height.into());
             (row, n.into())

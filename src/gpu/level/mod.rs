@@ -109,7 +109,7 @@ pub struct TextureLayout {
     pub format: TexelFormat,
     /// Voxels of a texel, per axis, counted from the brick's first voxel.
     pub step: [u32; 3],
-    /// Texels of a whole brick, per axis.
+    /// Texels of a whole brick, per axis; of a brick that is no longer than the level.
     pub per_brick: [u32; 3],
     /// Texels, per axis.
     pub size: [u32; 3],
@@ -282,21 +282,10 @@ impl LevelLayout {
             return Err(Error::new(Code::Unsupported, "sampler", message));
         }
         let bricks = level.bricks.to_array();
-        let fold = |all: &[TextureLayout]| {
-            let most = |a| all.iter().map(|t| fit.max_3d / t.per_brick[a]).min().unwrap_or(u32::MAX);
-            Fold::new(bricks, std::array::from_fn(most))
-        };
         let mut all: Vec<TextureLayout> = textures.into_iter().chain(decoded).collect();
-        let fold = match fold(&all) {
-            Some(flat) if flat.is_flat() => flat,
-            _ if filtered => return Ok(None),
-            // In tiles every brick takes as much room as a whole one: shaders know no other.
-            _ => {
-                all.iter_mut().for_each(|t| t.per_brick = t.texels(Extent::cube(edge)));
-                let Some(fold) = fold(&all) else { return Ok(None) };
-                fold
-            }
-        };
+        let most = |a| all.iter().map(|t| fit.max_3d / t.per_brick[a]).min().unwrap_or(u32::MAX);
+        let fold = Fold::new(bricks, std::array::from_fn(most));
+        let Some(fold) = fold.filter(|fold| fold.is_flat() || !filtered) else { return Ok(None) };
         let last = volume.head().octree.brick_extent(at.lod, bricks.map(|n| n - 1));
         for t in &mut all {
             let (rest, n) = (t.texels(last), fold.bricks());
@@ -358,6 +347,12 @@ impl LevelLayout {
         let mask = (1 << self.brick_log2) - 1;
         let place = self.fold.place(c.map(|v| v >> self.brick_log2));
         std::array::from_fn(|a| place[a] * texture.per_brick[a] + (c[a] & mask) / texture.step[a])
+    }
+
+    /// Room of a brick in the textures, in voxels: that of a whole brick, but none longer than the level.
+    #[must_use]
+    pub fn brick_voxels(&self) -> [u32; 3] {
+        self.extent.to_array().map(|n| n.min(1 << self.brick_log2))
     }
 
     /// Number of a brick in tables and masks: x fastest.

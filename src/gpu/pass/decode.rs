@@ -335,6 +335,7 @@ fn params(layout: &LevelLayout, first: [u32; 3]) -> DecodeParams {
         fold_tile: layout.fold.tile,
         fold_tiles: layout.fold.tiles,
         fold_grid: layout.fold.grid,
+        brick: layout.brick_voxels(),
         bricks: layout.bricks,
         ..bytemuck::Zeroable::zeroed()
     }

@@ -17,8 +17,6 @@ mod slice;
 mod source_raw;
 mod source_s3dc;
 pub mod source_zerobit;
-#[cfg(test)]
-mod tests;
 mod transfer;
 
 pub use camera::{Ray, clip_ray, direction_of, origin_of, ray_of};

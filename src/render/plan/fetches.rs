@@ -139,7 +139,7 @@ mod tests {
                 assert!((words - rows).abs() < 1e-9, "{words} {rows}");
             }
         }
-        let table = [(16, 14.9), (8, 16.2), (4, 18.6), (2, 23.6)];
+        let table = [(16, 14.9), (8, 16.12), (4, 18.6), (2, 23.6)];
         for (n, want) in table {
             let got = both(distinct(&cross(), n, [16; 3]));
             assert!((got - want).abs() < 0.06, "{n} indices a word: {got} {want}");

@@ -164,6 +164,29 @@ impl SceneFile {
         toml::from_str(text).map_err(|e| Error::param("scene", e.to_string().trim_end().to_owned()))
     }
 
+    /// Reads a scene that came inside a volume's file: it must not lead anywhere else (spec: SAF-14).
+    ///
+    /// # Errors
+    /// As [`SceneFile::parse`]; `E_PARAM` where it names other files, or several volumes.
+    pub fn parse_stored(text: &str) -> Result<Self> {
+        let scene = SceneFile::parse(text)?;
+        scene.check_stored()?;
+        Ok(scene)
+    }
+
+    /// Whether the scene can be stored in a volume's file: it shows that volume and names no file.
+    ///
+    /// # Errors
+    /// `E_PARAM`.
+    pub fn check_stored(&self) -> Result<()> {
+        let leads_away = |v: &VolumeSpec| v.path.is_some() || matches!(v.transfer, TransferSpec::File(_));
+        if self.volume.len() > 1 || self.volume.iter().any(leads_away) {
+            let message = "a scene inside a file shows the volume of that file, and names no others";
+            return Err(Error::param("scene", message));
+        }
+        Ok(())
+    }
+
     /// As text.
     ///
     /// # Panics

@@ -7,7 +7,7 @@ mod resolve;
 mod tests;
 mod transfer_spec;
 
-pub use file::{SceneFile, VolumeSpec};
+pub use file::{EarlyOut, IsoSurface, LodPixels, SceneFile, VolumeSpec};
 pub use transfer_spec::TransferSpec;
 
 use super::camera::CameraSpec;

@@ -147,6 +147,17 @@ fn times_and_channels_that_are_there() {
     assert!(scene.check().unwrap_err().message().contains("time_interp"));
 }
 
+#[test] // spec: SAF-14
+fn scenes_inside_files_lead_nowhere() {
+    for text in
+        ["[[volume]]\npath = \"b.vug\"", "[[volume]]\ntransfer = { file = \"/etc/tf.json\" }", "[[volume]]\n[[volume]]"]
+    {
+        assert!(SceneFile::parse(text).is_ok());
+        assert_eq!(SceneFile::parse_stored(text).unwrap_err().code(), Code::Param, "{text}");
+    }
+    SceneFile::parse_stored("step = 1.0\n[[volume]]\ntransfer = \"mri\"").unwrap();
+}
+
 #[test]
 fn transfer_functions_in_files() {
     let folder = tempfile::tempdir().unwrap();
