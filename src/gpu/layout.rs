@@ -169,7 +169,7 @@ gpu_struct! {
         pad1: u32 = "u32",
         /// The last voxel along each axis (zerobit).
         last: [i32; 3] = "vec3i",
-        pad6: u32 = "u32",
+        pad7: u32 = "u32",
         /// Bricks of a tile (folded levels).
         fold_tile: [u32; 3] = "vec3u",
         pad2: u32 = "u32",

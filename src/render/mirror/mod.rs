@@ -29,13 +29,14 @@ pub use slice::slices;
 pub use transfer::{Point, classify, grey, points_top};
 
 use crate::gpu::level::HostLevel;
-use crate::gpu::{Effects, Lens, Projection, Sampler, key::Gradient};
+use crate::gpu::{Effects, Lens, Projection, Sampler, Traversal, key::Gradient};
 
 /// What a picture is made with: `Frame` of the shaders, and what is constant in them.
 #[derive(Clone, Debug)]
 #[allow(missing_docs, reason = "told in gpu::layout::Frame and gpu::PipelineKey")]
 pub struct Frame<R> {
     pub lens: Lens,
+    pub traversal: Traversal,
     pub projection: Projection,
     pub sampler: Sampler,
     pub gradient: Gradient,
@@ -119,6 +120,16 @@ impl<R: Real> Value<R> {
 #[allow(clippy::cast_possible_truncation, reason = "saturating is what is meant")]
 fn index<R: Real>(v: R) -> i32 {
     v.to_f64() as i32
+}
+
+/// The colour of a pixel: premultiplied red, green, blue, opacity. `volumes` are those that are seen, each one volume or a volume at
+/// two time steps.
+pub fn pixel<R: Real>(frame: &Frame<R>, volumes: &[&[Volume<'_, R>]], ray: &Ray<R>, n: &mut impl Counter) -> [R; 4] {
+    match frame.traversal {
+        Traversal::Raycast => trace(frame, volumes, ray, n),
+        Traversal::Slice => slices(frame, volumes, ray, n),
+        Traversal::CutPlane => cut(frame, volumes, ray, n),
+    }
 }
 
 /// Voxel `c` of the level, which lies inside.
