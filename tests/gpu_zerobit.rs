@@ -66,7 +66,7 @@ fn bits(value: SampleValue) -> u32 {
 #[test] // spec: ZBT-9, ZBT-12
 #[cfg_attr(feature = "skip-gpu-tests", ignore = "no GPU adapter: built with skip-gpu-tests")]
 fn every_voxel_is_that_of_the_codec() {
-    let small = Fit { max_binding: 8000, ..gpu().fit(None) };
+    let small = Fit { max_binding: 48_000, ..gpu().fit(None) };
     for stream in [Stream::New, Stream::Old] {
         for volume in volumes(stream) {
             for fit in [gpu().fit(None), small] {

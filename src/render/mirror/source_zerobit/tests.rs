@@ -61,7 +61,7 @@ fn coords(e: Extent) -> impl Iterator<Item = Coord> {
 /// Every voxel as stored, then with noise for streams.
 fn agree<T: Sample>(f: impl Fn(u32) -> T + Copy) {
     let null = f(5);
-    let small = Fit { max_binding: 6000, storage_buffers: 20, ..Fit::portable() };
+    let small = Fit { max_binding: 48_000, storage_buffers: 20, ..Fit::portable() };
     for stream in [Stream::New, Stream::Old] {
         for fit in [Fit::host(None), small] {
             let extent = Extent::new(98, 37, 35);
