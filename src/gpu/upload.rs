@@ -1,7 +1,7 @@
 //! A level on the GPU: payload bytes go to textures and buffers as they are.
 
 use super::device::Gpu;
-use super::level::{Filled, HostLevel, LevelLayout, LevelTarget, TexelFormat, TextureLayout, fill};
+use super::level::{Filled, HostLevel, LevelLayout, LevelTarget, TexelFormat, TextureLayout, copy_rows, fill};
 use crate::error::{Code, Result};
 use crate::geometry::Coord;
 use crate::volume::Volume;
@@ -175,11 +175,9 @@ impl Slab {
         let texel = t.format.bytes() as usize;
         let row = size[0] as usize * texel;
         let pitch = self.size[0] as usize * texel;
-        let mut rows = bytes.chunks_exact(row);
-        for z in origin[2] - self.z..origin[2] - self.z + size[2] {
+        for (z, slice) in (origin[2] - self.z..).zip(bytes.chunks_exact(row * size[1] as usize)) {
             let first = (origin[1] as usize + self.size[1] as usize * z as usize) * pitch + origin[0] as usize * texel;
-            let lines = self.texels[first..].chunks_mut(pitch).zip(rows.by_ref().take(size[1] as usize));
-            lines.for_each(|(to, from)| to[..row].copy_from_slice(from));
+            copy_rows(&mut self.texels[first..], pitch, slice, row);
         }
         self.parts.push((origin, size));
         self.written += bytes.len();
