@@ -25,6 +25,11 @@ pub mod volume;
 
 #[cfg(feature = "gpu")]
 pub mod gpu;
+#[cfg(feature = "gpu")]
+pub mod render;
+
+#[cfg(feature = "gpu")]
+pub mod tradeoff;
 
 #[cfg(feature = "cli")]
 pub mod cli;

@@ -14,6 +14,8 @@ pub const MAX_SECTIONS: u32 = 64;
 pub const MAX_BRICK_BYTES: u64 = 64 << 20;
 /// Largest `META` section, in bytes.
 pub const MAX_META_BYTES: u64 = 1 << 20;
+/// Longest scene, in bytes: a file, or a `SCNE` section.
+pub const MAX_SCENE_BYTES: u64 = 1 << 20;
 /// Largest section that is parsed as a whole (all but `PAGE` and `BRIK`), in bytes.
 pub const MAX_TABLE_BYTES: u64 = 256 << 20;
 /// Largest window of a zstd frame, as log2 of bytes.

@@ -1,5 +1,6 @@
 //! The sections that are known as bytes before anything is placed: codebooks, times, metadata and what others define.
 
+use super::scene::check_scene;
 use super::section::{self, ExtraSection, FourCc, SectionEntry, SectionFlags, show};
 use super::table::SECTION_VERSION;
 use super::{check_meta, times};
@@ -20,7 +21,7 @@ pub(super) fn codebooks((bytes, count): (Vec<u8>, u64)) -> Result<ExtraSection> 
     Ok(s)
 }
 
-/// TIME, META and foreign sections in the order they have in a file (spec: SEC-15).
+/// TIME, META, SCNE and foreign sections in the order they have in a file (spec: SEC-15).
 pub(super) fn others(
     times: Option<&Times>,
     meta: Option<Vec<u8>>,
@@ -39,6 +40,9 @@ pub(super) fn others(
             return Err(Error::param("section", format!("{name} is written by the container itself, or is CRITICAL")));
         }
         check_extra(s)?;
+        if s.entry.fourcc == section::SCNE {
+            check_scene(&s.bytes, 0)?;
+        }
         if extra[..i].iter().any(|o| o.entry.fourcc == s.entry.fourcc) {
             return Err(Error::new(Code::Dup, "section", format!("section {name} is given twice")));
         }

@@ -29,6 +29,7 @@ pub(super) const META: FourCc = *b"META";
 pub(super) const FNAM: FourCc = *b"FNAM";
 pub(super) const CBOK: FourCc = *b"CBOK";
 pub(super) const TIME: FourCc = *b"TIME";
+pub(super) const SCNE: FourCc = *b"SCNE";
 /// Sections that every file has (spec: SEC-9).
 pub(super) const MANDATORY: [FourCc; 4] = [BRIK, PAGE, PDIR, VOLD];
 

@@ -122,7 +122,7 @@ fn check_known(entry: &SectionEntry, at: u64) -> Result<()> {
         section::PDIR => REF_BYTES,
         section::TIME => times::STEP_BYTES,
         // Codebooks differ in length. Their number is compared with the content by who knows codecs. // spec: ZBT-34
-        section::PAGE | section::BRIK | section::META | section::FNAM | section::CBOK => 0,
+        section::PAGE | section::BRIK | section::META | section::FNAM | section::CBOK | section::SCNE => 0,
         _ if critical => {
             let message = format!("this reader does not know the critical section {name}; use a newer reader");
             return bad(Code::SectionUnknown, 0, "section.fourcc", message);
@@ -162,6 +162,11 @@ fn check_known(entry: &SectionEntry, at: u64) -> Result<()> {
     }
     if entry.fourcc == section::META && entry.decoded_len > limits::MAX_META_BYTES {
         let message = format!("META decodes to {} bytes; the cap is 1 MiB", entry.decoded_len);
+        return bad(Code::Limit, 24, "section.decoded_length", message);
+    }
+    // spec: SEC-18
+    if entry.fourcc == section::SCNE && entry.decoded_len > limits::MAX_SCENE_BYTES {
+        let message = format!("SCNE has {} bytes; the cap is 1 MiB", entry.decoded_len);
         return bad(Code::Limit, 24, "section.decoded_length", message);
     }
     Ok(())

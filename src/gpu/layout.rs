@@ -9,6 +9,7 @@ macro_rules! gpu_struct {
         $(#[$doc])*
         #[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
         #[repr(C)]
+        #[allow(missing_docs, reason = "padding, and what is told once in `Frame`")]
         #[allow(unsafe_code, reason = "the derive of Pod implements a marker for plain bytes; it checks at compile time that there is no padding")]
         pub struct $name { $($(#[$fdoc])* pub $field: $rust,)* }
 

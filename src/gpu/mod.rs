@@ -6,6 +6,7 @@ pub mod key;
 pub mod layout;
 pub mod level;
 pub mod pass;
+pub mod pipeline;
 pub mod shader;
 pub mod tolerance;
 pub mod upload;

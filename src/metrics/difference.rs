@@ -45,6 +45,18 @@ impl ErrorClass {
         }
     }
 
+    /// Colour of the class in difference images: dark blue, blue, green, yellow, red.
+    #[must_use]
+    pub const fn color(self) -> [u8; 3] {
+        match self {
+            ErrorClass::Exact => [14, 22, 70],
+            ErrorClass::Small => [52, 112, 235],
+            ErrorClass::Medium => [38, 170, 84],
+            ErrorClass::Large => [250, 208, 32],
+            ErrorClass::Bad => [222, 38, 44],
+        }
+    }
+
     /// What the class means, for legends.
     #[must_use]
     pub const fn label(self) -> &'static str {

@@ -9,15 +9,18 @@
 //! | SSIM | mean over the z slices (and components) of the mean SSIM of each slice, see [`ssim`] |
 //!
 //! Everything is computed in f64 or exact integers, slice by slice, and the slices are added in order: the result does
-//! not depend on the number of threads.
+//! not depend on the number of threads. Pictures have numbers of their own: [`image`].
 
 pub mod difference;
+pub mod image;
 mod psnr;
+mod rate;
 mod ssim;
 mod stats;
 
 pub use difference::ErrorClass;
 pub use psnr::{psnr, rmse_for_psnr};
+pub use rate::bits_per_sample;
 pub use ssim::{WINDOW as SSIM_WINDOW, ssim};
 pub use stats::{ErrorStats, error_stats, value_range};
 

@@ -37,14 +37,23 @@ impl Constants {
 
     /// SSIM of one window. Symmetric, 1 for equal windows, negative for opposed ones.
     #[inline(always)]
-    fn similarity(self, m: Moments, shift: [f64; 2]) -> f64 {
+    fn similarity(self, m: Moments, shift: [f64; 2]) -> Similarity {
         // Rounding must make neither a variance negative nor a covariance larger than the variances allow.
         let variances = (m.squares - (m.a * m.a + m.b * m.b)).max(0.0);
         let covariance = (2.0 * (m.product - m.a * m.b)).clamp(-variances, variances);
         let (a, b) = (m.a + shift[0], m.b + shift[1]);
         let luminance = (2.0 * a * b + self.c1) / (a * a + b * b + self.c1);
-        luminance * ((covariance + self.c2) / (variances + self.c2))
+        let contrast = (covariance + self.c2) / (variances + self.c2);
+        Similarity { ssim: luminance * contrast, contrast }
     }
+}
+
+/// Means over windows of SSIM, and of its contrast-structure factor alone: what MS-SSIM takes of all scales but the
+/// coarsest.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Similarity {
+    pub(super) ssim: f64,
+    pub(super) contrast: f64,
 }
 
 /// Weights of the separable window; they sum to 1.
@@ -74,6 +83,11 @@ pub const fn is_global(width: usize, height: usize) -> bool {
 /// Where an image does not have `width`·`height` samples.
 #[must_use]
 pub fn ssim(a: &[f64], b: &[f64], width: usize, height: usize, dynamic_range: f64) -> f64 {
+    similarity(a, b, width, height, dynamic_range).ssim
+}
+
+/// [`ssim`], and its contrast-structure factor.
+pub(super) fn similarity(a: &[f64], b: &[f64], width: usize, height: usize, dynamic_range: f64) -> Similarity {
     assert!(a.len() == width * height && b.len() == a.len(), "both images have width × height samples");
     let ((a, shift_a), (b, shift_b)) = {
         let (lo, hi) = bounds(a);
@@ -96,7 +110,7 @@ fn shifted(a: &[f64], replacement: f64) -> (Vec<f64>, f64) {
 }
 
 /// One window over everything: two passes, plain mean and variance (divided by N).
-fn global(a: &[f64], b: &[f64], c: Constants, shift: [f64; 2]) -> f64 {
+fn global(a: &[f64], b: &[f64], c: Constants, shift: [f64; 2]) -> Similarity {
     let n = a.len() as f64;
     let mean = |v: &[f64]| v.iter().sum::<f64>() / n;
     let (mean_a, mean_b) = (mean(a), mean(b));
@@ -112,13 +126,13 @@ fn global(a: &[f64], b: &[f64], c: Constants, shift: [f64; 2]) -> f64 {
 }
 
 /// All valid windows: rows are filtered once, and the last 11 filtered rows give one row of results.
-fn windowed(a: &[f64], b: &[f64], width: usize, c: Constants, shift: [f64; 2]) -> f64 {
+fn windowed(a: &[f64], b: &[f64], width: usize, c: Constants, shift: [f64; 2]) -> Similarity {
     let w = weights();
     let valid = width - (WINDOW - 1);
     let mut ring: [[Vec<f64>; 4]; WINDOW] = std::array::from_fn(|_| std::array::from_fn(|_| vec![0.0; valid]));
     let mut raw: [Vec<f64>; 4] = std::array::from_fn(|_| vec![0.0; width]);
     let mut moments: [Vec<f64>; 4] = std::array::from_fn(|_| vec![0.0; valid]);
-    let (mut sum, mut rows) = (0.0, 0u64);
+    let (mut sum, mut contrast, mut rows) = (0.0, 0.0, 0u64);
     for (y, (a, b)) in a.chunks_exact(width).zip(b.chunks_exact(width)).enumerate() {
         raw[0].copy_from_slice(a);
         raw[1].copy_from_slice(b);
@@ -138,13 +152,16 @@ fn windowed(a: &[f64], b: &[f64], width: usize, c: Constants, shift: [f64; 2]) -
             filter(&w, taps, out);
         }
         let [ma, mb, squares, product] = &moments;
-        let row: f64 = (0..valid)
-            .map(|x| c.similarity(Moments { a: ma[x], b: mb[x], squares: squares[x], product: product[x] }, shift))
-            .sum();
-        sum += row;
+        let mut row = Similarity { ssim: 0.0, contrast: 0.0 };
+        for x in 0..valid {
+            let s = c.similarity(Moments { a: ma[x], b: mb[x], squares: squares[x], product: product[x] }, shift);
+            (row.ssim, row.contrast) = (row.ssim + s.ssim, row.contrast + s.contrast);
+        }
+        (sum, contrast) = (sum + row.ssim, contrast + row.contrast);
         rows += 1;
     }
-    sum / (rows * valid as u64) as f64
+    let windows = (rows * valid as u64) as f64;
+    Similarity { ssim: sum / windows, contrast: contrast / windows }
 }
 
 /// Weighted sum of 11 rows. The weights are symmetric, so that pairs share a multiplication, and the result does not

@@ -148,6 +148,22 @@ impl Volume {
         Ok(Some(text))
     }
 
+    /// The `SCNE` section, if there is one: how the volume is meant to be seen, as text. One read, unless it lies in the head.
+    ///
+    /// # Errors
+    /// `E_SECTION_CRC`, `E_LIMIT`, `E_UTF8`.
+    pub fn scene(&self) -> Result<Option<String>> {
+        let Some(entry) = self.head.section(*b"SCNE") else { return Ok(None) };
+        crate::limits::check("SCNE", entry.stored_len, crate::limits::MAX_SCENE_BYTES)?;
+        let stored = match self.head.resident(entry.offset, entry.stored_len) {
+            Some(bytes) => std::borrow::Cow::Borrowed(bytes),
+            // At most 1 MiB.
+            None => self.source.read(entry.offset, entry.stored_len as usize)?,
+        };
+        entry.check_crc(&stored).map_err(|e| self.replaced_or(e))?;
+        crate::container::check_scene(&stored, entry.offset).map(|text| Some(text.to_owned()))
+    }
+
     /// Index of the tree that `at` names, after checking `at` against the volume.
     #[inline]
     pub(super) fn tree(&self, at: At) -> Result<u32> {

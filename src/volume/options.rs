@@ -137,6 +137,8 @@ pub struct EncodeOptions {
     pub value_map: ValueMap,
     /// Text for the `META` section: UTF-8 JSON.
     pub meta: Option<String>,
+    /// Text for the `SCNE` section: how the volume is meant to be seen.
+    pub scene: Option<String>,
     /// The time of each step of a series.
     pub times: Option<Times>,
     /// File id instead of the one made from the content.
@@ -164,6 +166,7 @@ impl Default for EncodeOptions {
             placement: Placement::default(),
             value_map: ValueMap::default(),
             meta: None,
+            scene: None,
             times: None,
             file_id: None,
             memory: 1 << 30,

@@ -9,7 +9,7 @@ use crate::codec::Codec;
 use crate::codec::zerobit::Book;
 use crate::container::{
     Achieved, BrickSink, CodecEntry, FileWriter, FinishOptions, LogWriter, NodeKind, Octree, VolumeDescriptor,
-    check_meta,
+    check_meta, check_scene, scene_section,
 };
 use crate::error::{Code, Error, Result};
 use crate::geometry::{Coord, Extent};
@@ -48,6 +48,7 @@ pub struct VolumeWriter<S: BrickSink> {
     octree: Octree,
     encoder: BrickEncoder,
     meta: Option<String>,
+    scene: Option<String>,
     times: Option<Times>,
     file_id: Option<[u8; 16]>,
     totals: Totals,
@@ -119,6 +120,9 @@ impl<S: BrickSink> VolumeWriter<S> {
             // Now, not after hours of encoding.
             check_meta(meta.as_bytes(), 0).map_err(|e| Error::new(e.code(), "meta", e.message()))?;
         }
+        if let Some(scene) = &options.scene {
+            check_scene(scene.as_bytes(), 0).map_err(|e| Error::new(e.code(), "scene", e.message()))?;
+        }
         let null = null_sample(shape.sample_type, options.null_value)?;
         let (id, stream_version, params) = codec.to_wire();
         let descriptor = VolumeDescriptor {
@@ -145,6 +149,7 @@ impl<S: BrickSink> VolumeWriter<S> {
             meta: options.meta.clone().map(String::into_bytes),
             times: options.times.clone(),
             file_id: options.file_id,
+            extra: options.scene.clone().map(scene_section).into_iter().collect(),
             ..FinishOptions::default()
         };
         Ok(VolumeWriter {
@@ -153,6 +158,7 @@ impl<S: BrickSink> VolumeWriter<S> {
             octree,
             encoder,
             meta: options.meta.clone(),
+            scene: options.scene.clone(),
             times: options.times.clone(),
             file_id: options.file_id,
             totals: Totals::default(),
@@ -283,6 +289,7 @@ impl<S: BrickSink> VolumeWriter<S> {
             meta: self.meta.clone().map(String::into_bytes),
             times: self.times.clone(),
             file_id: self.file_id,
+            extra: self.scene.clone().map(scene_section).into_iter().collect(),
             ..FinishOptions::default()
         }
     }

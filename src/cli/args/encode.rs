@@ -136,6 +136,9 @@ pub(in crate::cli) struct Encode {
     /// Value of voxels that need not be stored (background)
     #[arg(long, value_name = "V", default_value = "0", allow_negative_numbers = true)]
     pub(in crate::cli) null_value: f64,
+    /// Scene (TOML) that the file is to hold: `vug render TARGET` then shows it so
+    #[arg(long, value_name = "TOML")]
+    pub(in crate::cli) scene: Option<PathBuf>,
     /// Keep no free text of the source's header: it can name patients
     #[arg(long)]
     pub(in crate::cli) strip_metadata: bool,

@@ -3,11 +3,20 @@
 mod edit;
 mod encode;
 mod parse;
+#[cfg(feature = "gpu")]
+mod render;
+#[cfg(feature = "gpu")]
+mod tradeoff;
 
 pub(in crate::cli) use edit::{Append, Extract, Pack, Recover, Repack, Write};
 pub(in crate::cli) use encode::{
     CodecArg, DownsampleArg, Encode, EndpointsArg, NanArg, NormArg, StreamArg, ThresholdArg, TrainingArg, ZerobitArgs,
 };
+
+#[cfg(feature = "gpu")]
+pub(in crate::cli) use render::Render;
+#[cfg(feature = "gpu")]
+pub(in crate::cli) use tradeoff::Tradeoff;
 
 use crate::convert::Stored;
 use crate::geometry::{Extent, Region};
@@ -34,7 +43,8 @@ const EXAMPLES: &str = "Examples:
   vug verify head.vug && vug info head.vug
   vug decode head.vug back.nrrd
   vug compare head.nrrd back.nrrd --json
-  vug slice head.vug --axis z --index 100 -o slice.png";
+  vug slice head.vug --axis z --index 100 -o slice.png
+  vug render head.vug -o head.png --transfer ct-bone";
 
 #[derive(Subcommand)]
 pub(in crate::cli) enum Command {
@@ -49,7 +59,11 @@ pub(in crate::cli) enum Command {
     Extract(Extract),
     Pack(Pack),
     Recover(Recover),
+    #[cfg(feature = "gpu")]
+    Render(Box<Render>),
     Repack(Repack),
+    #[cfg(feature = "gpu")]
+    Tradeoff(Tradeoff),
 }
 
 impl Command {
@@ -66,7 +80,11 @@ impl Command {
             Command::Extract(c) => &c.common,
             Command::Pack(c) => &c.common,
             Command::Recover(c) => &c.common,
+            #[cfg(feature = "gpu")]
+            Command::Render(c) => &c.common,
             Command::Repack(c) => &c.common,
+            #[cfg(feature = "gpu")]
+            Command::Tradeoff(c) => &c.common,
         }
     }
 }
@@ -186,14 +204,17 @@ pub(in crate::cli) struct Verify {
     pub(in crate::cli) common: Common,
 }
 
-/// Compares two volumes of any readable format: B against the reference A
+/// Compares two volumes of any readable format, or two pictures: B against the reference A
 #[derive(Args)]
 #[command(
     after_help = "PSNR takes the range (max − min) of A as its peak. SSIM is the mean over z slices, 11×11 Gaussian window.
+Two PNG files of 8 bits are compared as pictures, peak 255: MSE per channel and per pixel, PSNR, SSIM, MS-SSIM, FLIP, and
+the shares of five classes of error.
 
 Examples:
   vug compare head.nrrd back.nrrd
-  vug compare head.nrrd head.vug --json --max-error 9     exit 1 where an error is larger"
+  vug compare head.nrrd head.vug --json --max-error 9     exit 1 where an error is larger
+  vug compare reference.png view.png --diff error.png"
 )]
 pub(in crate::cli) struct Compare {
     /// Reference
@@ -206,6 +227,12 @@ pub(in crate::cli) struct Compare {
     /// Exit with 1 where the PSNR is lower, in dB
     #[arg(long, value_name = "DB")]
     pub(in crate::cli) min_psnr: Option<f64>,
+    /// Of two pictures: write where they differ, in colours of the error's class
+    #[arg(long, value_name = "PNG")]
+    pub(in crate::cli) diff: Option<PathBuf>,
+    /// Overwrite the PNG
+    #[arg(long)]
+    pub(in crate::cli) force: bool,
     #[command(flatten)]
     pub(in crate::cli) import: Import,
     #[command(flatten)]

@@ -102,6 +102,55 @@ where
     }
 }
 
+/// `WxH`, or one number for both.
+#[cfg(feature = "gpu")]
+pub(super) fn parse_size(s: &str) -> Result<[u32; 2], String> {
+    match numbers::<u32>(&s.replace('×', "x"), 'x').as_deref() {
+        Some(&[n]) => Ok([n, n]),
+        Some(&[w, h]) => Ok([w, h]),
+        _ => Err("wants WIDTHxHEIGHT in pixels".into()),
+    }
+}
+
+/// Three numbers.
+#[cfg(feature = "gpu")]
+pub(super) fn parse_vector(s: &str) -> Result<[f64; 3], String> {
+    numbers::<f64>(s, ',').and_then(|v| v.try_into().ok()).ok_or_else(|| "wants X,Y,Z".into())
+}
+
+/// A point and a direction.
+#[cfg(feature = "gpu")]
+pub(super) fn parse_plane(s: &str) -> Result<crate::render::scene::Plane, String> {
+    let (point, normal) = s.split_once(':').ok_or("wants PX,PY,PZ:NX,NY,NZ")?;
+    Ok(crate::render::scene::Plane { point: parse_vector(point)?, normal: parse_vector(normal)? })
+}
+
+/// A box in world units.
+#[cfg(feature = "gpu")]
+pub(super) fn parse_world_box(s: &str) -> Result<crate::render::scene::ClipBox, String> {
+    let axes: Option<Vec<Vec<f64>>> = s.split(',').map(|axis| numbers(axis, ':')).collect();
+    match axes.as_deref() {
+        Some([x, y, z]) if [x, y, z].iter().all(|a| a.len() == 2) => {
+            Ok(crate::render::scene::ClipBox { min: [x[0], y[0], z[0]], max: [x[1], y[1], z[1]] })
+        }
+        _ => Err("wants X0:X1,Y0:Y1,Z0:Z1".into()),
+    }
+}
+
+/// A colour.
+#[cfg(feature = "gpu")]
+pub(super) fn parse_color(s: &str) -> Result<[f32; 3], String> {
+    let hex = s.strip_prefix('#').filter(|h| h.len() == 6).and_then(|h| u32::from_str_radix(h, 16).ok());
+    match (s, hex) {
+        ("black", _) => Ok([0.0; 3]),
+        ("white", _) => Ok([1.0; 3]),
+        (_, Some(rgb)) => Ok([16, 8, 0].map(|shift| (rgb >> shift & 255) as f32 / 255.0)),
+        _ => numbers::<f32>(s, ',')
+            .and_then(|v| v.try_into().ok())
+            .ok_or_else(|| "wants R,G,B from 0 to 1, #rrggbb, black or white".into()),
+    }
+}
+
 /// Numbers that have a next one.
 pub(super) trait Step: Sized {
     fn next(self) -> Option<Self>;
@@ -122,6 +171,19 @@ impl Step for u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[cfg(feature = "gpu")]
+    #[test]
+    fn sizes_places_and_colours() {
+        assert_eq!((parse_size("640x480"), parse_size("64")), (Ok([640, 480]), Ok([64, 64])));
+        assert!(parse_size("640x").is_err() && parse_size("-1x2").is_err() && parse_size("1x2x3").is_err());
+        assert_eq!((parse_color("#ff0080"), parse_color("white")), (Ok([1.0, 0.0, 128.0 / 255.0]), Ok([1.0; 3])));
+        assert!(parse_color("#ff00").is_err() && parse_color("1,2").is_err());
+        let plane = parse_plane("1,2,-3:0,0,1").unwrap();
+        assert_eq!((plane.point, plane.normal), ([1.0, 2.0, -3.0], [0.0, 0.0, 1.0]));
+        assert!(parse_plane("1,2,3").is_err() && parse_world_box("0:1,2:3").is_err());
+        assert_eq!(parse_world_box("0:1,-2:3,4:5.5").unwrap().max, [1.0, 3.0, 5.5]);
+    }
 
     #[test]
     fn spans() {

@@ -1,4 +1,6 @@
-//! `vug compare`: how far two volumes are apart.
+//! `vug compare`: how far two volumes, or two pictures, are apart.
+
+mod image;
 
 use crate::cli::args::Compare;
 use crate::cli::load::{Series, check_import, load_series};
@@ -10,6 +12,13 @@ use serde_json::{Value, json};
 
 pub(super) fn run(args: &Compare) -> Result<Verdict> {
     check_import(&[&args.a, &args.b], &args.import)?;
+    if let Some((a, b)) = image::pictures(args)? {
+        return image::run(args, &a, &b);
+    }
+    if args.diff.is_some() {
+        let message = "difference pictures are made of two PNG files of 8 bits; for volumes use vug slice --against";
+        return Err(Error::param("diff", message));
+    }
     let bar = progress(args.common.quiet || args.common.json, "comparing");
     let a = load_series(&args.a, &args.import)?;
     let b = load_series(&args.b, &args.import)?;
@@ -54,19 +63,24 @@ pub(super) fn run(args: &Compare) -> Result<Verdict> {
 }
 
 fn failures(args: &Compare, c: &Comparison) -> Vec<String> {
+    failures_of(args, c.range, c.max_error, c.psnr, c.identical)
+}
+
+/// What is over the bounds that were given.
+fn failures_of(args: &Compare, range: f64, max_error: f64, psnr: Option<f64>, identical: bool) -> Vec<String> {
     let mut failed = Vec::new();
     if let Some(bound) = args.max_error {
         let limit = match bound {
             Bound::Absolute(v) => v,
-            Bound::Percent(p) => p / 100.0 * c.range,
+            Bound::Percent(p) => p / 100.0 * range,
         };
-        if c.max_error > limit {
-            failed.push(format!("max error {} > {limit}", c.max_error));
+        if max_error > limit {
+            failed.push(format!("max error {max_error} > {limit}"));
         }
     }
     // No PSNR means an infinite one only where the volumes are identical.
-    if let Some(least) = args.min_psnr.filter(|&least| !c.identical && c.psnr.is_none_or(|found| found < least)) {
-        failed.push(format!("PSNR {} < {least} dB", psnr_text(c.psnr, false)));
+    if let Some(least) = args.min_psnr.filter(|&least| !identical && psnr.is_none_or(|found| found < least)) {
+        failed.push(format!("PSNR {} < {least} dB", psnr_text(psnr, false)));
     }
     failed
 }

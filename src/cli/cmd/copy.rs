@@ -44,6 +44,29 @@ pub(super) fn run(copy: &Copy<'_>, notes: impl Fn(&Excerpt<'_>) -> Vec<String>) 
     }
     let mut json = describe(&excerpt);
     let text = summary(&excerpt);
+    let report = write(copy, excerpt)?;
+    if copy.common.json {
+        add_report(&mut json, &report);
+        json["notes"] = json!(notes);
+        println!("{json:#}");
+    } else if !copy.common.quiet {
+        println!("{} → {}", copy.source.display(), copy.target.display());
+        print!("{text}{}", report_text(&report));
+        notes.iter().for_each(|note| eprintln!("note: {note}"));
+    }
+    Ok(())
+}
+
+/// Copies a volume that is open, and says nothing but errors.
+#[cfg(feature = "gpu")]
+pub(super) fn run_quietly(copy: &Copy<'_>) -> Result<()> {
+    let volume = Volume::open(open_source(copy.source)?, Limits::default())?;
+    check_target(copy.source, copy.target)?;
+    write(copy, volume.excerpt(&CopyOptions { file_id: copy.write.file_id, ..copy.options.clone() })?).map(|_| ())
+}
+
+/// Writes the target.
+fn write(copy: &Copy<'_>, excerpt: Excerpt<'_>) -> Result<CopyReport> {
     let mut file = AtomicFile::create(copy.target, copy.write.force)?;
     let bar = progress(copy.common.quiet || copy.common.json, copy.verb);
     let mut advance = |done, total| {
@@ -56,16 +79,7 @@ pub(super) fn run(copy: &Copy<'_>, notes: impl Fn(&Excerpt<'_>) -> Vec<String>) 
     };
     file.commit()?;
     bar.finish_and_clear();
-    if copy.common.json {
-        add_report(&mut json, &report);
-        json["notes"] = json!(notes);
-        println!("{json:#}");
-    } else if !copy.common.quiet {
-        println!("{} → {}", copy.source.display(), copy.target.display());
-        print!("{text}{}", report_text(&report));
-        notes.iter().for_each(|note| eprintln!("note: {note}"));
-    }
-    Ok(())
+    Ok(report)
 }
 
 fn describe(excerpt: &Excerpt<'_>) -> Value {

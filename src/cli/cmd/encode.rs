@@ -52,6 +52,7 @@ pub(super) fn run(args: &Encode) -> Result<Verdict> {
     options.value_map = source.value_map;
     options.times = source.times.clone();
     options.meta = Some(meta(args, &source.header));
+    options.scene = args.scene.as_deref().map(scene).transpose()?;
     let (extent, sample_type) = (source.reader.extent(), source.reader.sample_type());
     let (time_steps, channels) = source.reader.series();
     let to_stdout = is_stdout(&args.target);
@@ -105,6 +106,16 @@ pub(super) fn run(args: &Encode) -> Result<Verdict> {
         eprintln!("note: {note}");
     }
     Ok(Verdict::Ok)
+}
+
+/// The text of a scene file, which must be a scene that can lie in a file.
+fn scene(path: &Path) -> Result<String> {
+    let len = std::fs::metadata(path).map_err(|e| Error::io(path.display(), e))?.len();
+    crate::limits::check("scene", len, crate::limits::MAX_SCENE_BYTES)?;
+    let text = std::fs::read_to_string(path).map_err(|e| Error::io(path.display(), e))?;
+    #[cfg(feature = "gpu")]
+    crate::render::scene::SceneFile::parse_stored(&text)?;
+    Ok(text)
 }
 
 fn is_stdout(target: &Path) -> bool {

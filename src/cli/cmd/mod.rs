@@ -11,8 +11,12 @@ mod extract;
 mod info;
 mod pack;
 mod recover;
+#[cfg(feature = "gpu")]
+mod render;
 mod repack;
 mod slice;
+#[cfg(feature = "gpu")]
+mod tradeoff;
 mod verify;
 
 use super::args::Command;
@@ -33,6 +37,10 @@ pub(super) fn run(command: Command) -> Result<Verdict> {
         Command::Extract(args) => extract::run(&args),
         Command::Pack(args) => pack::run(&args),
         Command::Recover(args) => recover::run(&args),
+        #[cfg(feature = "gpu")]
+        Command::Render(args) => render::run(&args),
         Command::Repack(args) => repack::run(&args),
+        #[cfg(feature = "gpu")]
+        Command::Tradeoff(args) => tradeoff::run(&args),
     }
 }

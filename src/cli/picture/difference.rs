@@ -1,23 +1,12 @@
 //! Differences in five classes of colour, and their legend.
 
 use super::slice::Layout;
-use super::{Picture, Rgb, font};
+use super::{Picture, font};
 use crate::error::Result;
 use crate::grid::View;
 use crate::metrics::ErrorClass;
 use crate::metrics::difference::for_each_class;
 use crate::volume::Axis;
-
-/// Colour of a class: dark blue, blue, green, yellow, red.
-pub(crate) const fn class_color(class: ErrorClass) -> Rgb {
-    match class {
-        ErrorClass::Exact => [14, 22, 70],
-        ErrorClass::Small => [52, 112, 235],
-        ErrorClass::Medium => [38, 170, 84],
-        ErrorClass::Large => [250, 208, 32],
-        ErrorClass::Bad => [222, 38, 44],
-    }
-}
 
 /// How plane `b` differs from plane `a`: every voxel in the colour of its class, as a fraction of `range`.
 ///
@@ -28,7 +17,7 @@ pub(crate) fn difference(a: &View<'_>, b: &View<'_>, axis: Axis, range: f64) -> 
     let mut picture = Picture::filled(layout.width, layout.height, [0; 3])?;
     for_each_class(a, b, range, |at, class| {
         let (x, y) = layout.pixel(at);
-        picture.set(x, y, class_color(class));
+        picture.set(x, y, class.color());
     })?;
     Ok(picture)
 }
@@ -50,7 +39,7 @@ pub(crate) fn legend(width: u32) -> Result<Picture> {
     let mut x = GAP;
     for (class, label) in ErrorClass::ALL.into_iter().zip(LABELS) {
         for (dx, dy) in (0..SAMPLE).flat_map(|dy| (0..SAMPLE).map(move |dx| (dx, dy))) {
-            strip.set(x + dx, GAP + dy, class_color(class));
+            strip.set(x + dx, GAP + dy, class.color());
         }
         font::draw(&mut strip, x + SAMPLE + GAP, GAP + 1, label, [32; 3]);
         x += entry(label);

@@ -13,11 +13,12 @@ mod slice;
 mod tests;
 
 pub(crate) use colormap::ColorMap;
-pub(crate) use difference::{class_color, difference, legend};
+pub(crate) use difference::{difference, legend};
 pub(crate) use scale::{panels, scaled, stacked};
 pub(crate) use slice::{slice, spacing_on_screen};
 
 use crate::error::{Code, Error, Result};
+use crate::metrics::image::RgbImage;
 
 /// Most pixels of a picture: what a browser still shows.
 const MAX_PIXELS: u64 = 1 << 28;
@@ -31,6 +32,12 @@ pub(crate) struct Picture {
     width: u32,
     height: u32,
     pixels: Vec<Rgb>,
+}
+
+impl From<RgbImage> for Picture {
+    fn from(image: RgbImage) -> Self {
+        Picture { width: image.width, height: image.height, pixels: image.pixels }
+    }
 }
 
 impl Picture {

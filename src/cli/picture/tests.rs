@@ -76,9 +76,9 @@ fn differences_in_classes() {
     let p = difference(&a.view(), &b.view(), Axis::Y, 1000.0).unwrap();
     use ErrorClass::{Bad, Exact, Large, Medium, Small};
     let expected = [Exact, Small, Small, Medium, Medium, Large, Large, Bad, Bad];
-    assert!((0..).zip(expected).all(|(x, class)| p.at(x, 0) == class_color(class)));
+    assert!((0..).zip(expected).all(|(x, class)| p.at(x, 0) == class.color()));
     let flat = difference(&a.view(), &a.view(), Axis::Z, 0.0).unwrap();
-    assert_eq!(flat.at(0, 0), class_color(Exact));
+    assert_eq!(flat.at(0, 0), Exact.color());
     assert!(difference(&a.view(), &grid(9, 2, 1, |_| 0u16).view(), Axis::Z, 1.0).is_err());
 }
 
@@ -109,7 +109,7 @@ fn panels_legend_and_crop() {
     let strip = legend(10).unwrap();
     assert!(strip.size().0 > 100 && legend(400).unwrap().size().0 == 400);
     for class in ErrorClass::ALL {
-        assert!(strip.pixels.contains(&class_color(class)));
+        assert!(strip.pixels.contains(&class.color()));
     }
 }
 

@@ -14,7 +14,7 @@ const BOTTOM: f64 = HEIGHT - 52.0;
 const LETTER: (f64, f64) = (6.3, 13.0);
 
 /// A linear axis with round numbers at its ticks.
-struct Axis {
+pub(super) struct Axis {
     from: f64,
     step: f64,
     ticks: u32,
@@ -22,7 +22,7 @@ struct Axis {
 
 impl Axis {
     /// Covers `lo..=hi` with four to ten steps.
-    fn covering(lo: f64, hi: f64) -> Self {
+    pub(super) fn covering(lo: f64, hi: f64) -> Self {
         let span = (hi - lo).max(1e-9);
         let power = 10f64.powf((span / 5.0).log10().floor());
         let step =
@@ -31,11 +31,11 @@ impl Axis {
         Axis { from, step, ticks: (((hi - from) / step).ceil() as u32).max(1) }
     }
 
-    fn to(&self) -> f64 {
+    pub(super) fn to(&self) -> f64 {
         self.from + self.step * f64::from(self.ticks)
     }
 
-    fn values(&self) -> impl Iterator<Item = f64> {
+    pub(super) fn values(&self) -> impl Iterator<Item = f64> {
         (0..=self.ticks).map(|i| self.from + self.step * f64::from(i))
     }
 
@@ -44,8 +44,9 @@ impl Axis {
         a + (b - a) * (v - self.from) / (self.to() - self.from)
     }
 
-    fn label(&self, v: f64) -> String {
-        let decimals = if self.step < 1.0 { 1 } else { 0 };
+    pub(super) fn label(&self, v: f64) -> String {
+        // As many as the step has: 0.2 has one, 0.05 two.
+        let decimals = (-self.step.log10().floor()).clamp(0.0, 9.0) as usize;
         format!("{v:.decimals$}")
     }
 }

@@ -1,7 +1,7 @@
 //! The page's HTML.
 
 use super::{Part, Report, Row, base64, chart};
-use crate::cli::picture::{Picture, class_color};
+use crate::cli::picture::Picture;
 use crate::error::Result;
 use crate::metrics::ErrorClass;
 use std::fmt::Write;
@@ -28,38 +28,54 @@ fn data_url(picture: &Picture) -> Result<String> {
     Ok(format!("data:image/png;base64,{}", base64::encode(&picture.to_png()?)))
 }
 
-fn image(picture: &Picture, alt: &str) -> Result<String> {
+pub(super) fn image(picture: &Picture, alt: &str) -> Result<String> {
     let (w, h) = picture.size();
     Ok(format!("<img width=\"{w}\" height=\"{h}\" alt=\"{}\" src=\"{}\">", escape(alt), data_url(picture)?))
 }
 
-/// The whole page. Writing to a String cannot fail, hence the ignored results below.
-pub(super) fn page(report: &Report) -> Result<String> {
-    let mut o = String::new();
-    let title = escape(&report.title);
+/// The page down to the heading's sentences; `css` is added to the style sheet. Writing to a String cannot fail, hence
+/// the ignored results here and below.
+pub(super) fn open(o: &mut String, title: &str, label: &str, intro: &str, css: &str) {
+    let title = escape(title);
     let _ = write!(
         o,
         "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<title>{title}</title>\n\
          <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
          <meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; img-src data:; style-src 'unsafe-inline'\">\n\
-         <style>\n{STYLE}"
+         <style>\n{STYLE}{css}"
     );
-    // Originals appear once for every setting, but are stored once: as backgrounds.
-    for (k, part) in report.parts.iter().enumerate() {
-        for (v, (_, picture)) in part.views.iter().enumerate() {
-            let _ = writeln!(o, ".o{k}-{v}{{background-image:url({})}}", data_url(picture)?);
-        }
-    }
     for class in ErrorClass::ALL {
-        let [r, g, b] = class_color(class);
+        let [r, g, b] = class.color();
         let _ = writeln!(o, ".c{}{{background:rgb({r},{g},{b})}}", class as usize);
     }
     let _ = write!(
         o,
         "</style>\n</head>\n<body>\n<header>\n<h1>{title} <span class=\"badge\">{}</span></h1>\n<p class=\"intro\">{}</p>\n",
-        escape(&report.label),
-        escape(&report.intro)
+        escape(label),
+        escape(intro)
     );
+}
+
+/// The page's end.
+pub(super) fn close(o: &mut String) {
+    let _ = writeln!(
+        o,
+        "</main>\n<footer>Made by vug {}. This page is one file and fetches nothing.</footer>\n</body>\n</html>",
+        env!("CARGO_PKG_VERSION")
+    );
+}
+
+/// The whole page.
+pub(super) fn page(report: &Report) -> Result<String> {
+    let mut o = String::new();
+    // Originals appear once for every setting, but are stored once: as backgrounds.
+    let mut css = String::new();
+    for (k, part) in report.parts.iter().enumerate() {
+        for (v, (_, picture)) in part.views.iter().enumerate() {
+            let _ = writeln!(css, ".o{k}-{v}{{background-image:url({})}}", data_url(picture)?);
+        }
+    }
+    open(&mut o, &report.title, &report.label, &report.intro, &css);
     if report.parts.len() > 1 {
         o.push_str("<p class=\"jump\">");
         for (k, part) in report.parts.iter().enumerate() {
@@ -73,11 +89,8 @@ pub(super) fn page(report: &Report) -> Result<String> {
     }
     o.push_str("<section id=\"commands\">\n<h2>Again, by hand</h2>\n");
     commands(&mut o, &report.commands);
-    let _ = writeln!(
-        o,
-        "</section>\n</main>\n<footer>Made by vug {}. This page is one file and fetches nothing.</footer>\n</body>\n</html>",
-        env!("CARGO_PKG_VERSION")
-    );
+    o.push_str("</section>\n");
+    close(&mut o);
     Ok(o)
 }
 
@@ -227,7 +240,7 @@ fn shares(o: &mut String, classes: &[u64; 5]) {
     o.push_str("</ul>\n");
 }
 
-fn commands(o: &mut String, lines: &[String]) {
+pub(super) fn commands(o: &mut String, lines: &[String]) {
     if !lines.is_empty() {
         let _ = writeln!(o, "<pre><code>{}</code></pre>", escape(&lines.join("\n")));
     }

@@ -3,8 +3,17 @@
 mod base64;
 mod chart;
 mod html;
+#[cfg(feature = "gpu")]
+mod page;
+#[cfg(feature = "gpu")]
+mod plot;
 #[cfg(test)]
 mod tests;
+
+#[cfg(feature = "gpu")]
+pub(crate) use page::{Page, Piece, Table};
+#[cfg(feature = "gpu")]
+pub(crate) use plot::{Mark, Plot, Scale, Series};
 
 use crate::cli::picture::Picture;
 use crate::error::Result;

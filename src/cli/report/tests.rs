@@ -137,3 +137,89 @@ fn base64_vectors() {
     }
     assert_eq!(base64::encode(&[0xFB, 0xEF, 0xFF]), "++//");
 }
+
+#[cfg(feature = "gpu")]
+mod of_pieces {
+    use super::super::{Mark, Page, Piece, Plot, Scale, Series, Table};
+    use super::picture;
+
+    fn plot(scale: Scale, ys: &[f64]) -> Plot {
+        let mark = |(i, &y): (usize, &f64)| Mark { x: 2f64.powi(i as i32), y, title: format!("<m{i}>"), front: i < 2 };
+        let marks = ys.iter().enumerate().map(mark).collect();
+        let series = vec![Series { name: "near & far".into(), marks, joined: true }];
+        Plot { title: "a < b".into(), x: ("edge".into(), Scale::Doubling), y: ("dB".into(), scale), series }
+    }
+
+    #[test]
+    fn marks_lie_in_the_plot_whatever_their_values() {
+        let cases: [&[f64]; 6] =
+            [&[1.0, 2.0, 3.0], &[0.0, 1e-3, 1e5], &[f64::INFINITY, 30.0], &[5.0], &[f64::NAN, 1.0], &[]];
+        for scale in [Scale::Linear, Scale::Log] {
+            for ys in cases {
+                let svg = plot(scale, ys).svg();
+                let shown = ys.iter().filter(|y| !y.is_nan()).count();
+                assert_eq!(svg.matches("<title>").count(), shown, "{ys:?}");
+                assert!(!svg.contains("NaN") && !svg.contains("inf"), "{ys:?} {svg}");
+                for part in svg.split("cy=\"").skip(1) {
+                    let y: f64 = part[..part.find('"').unwrap()].parse().unwrap();
+                    assert!((40.0..=348.0).contains(&y), "{y}");
+                }
+                assert!(svg.contains("a &lt; b") && svg.contains("near &amp; far"));
+                assert_eq!(svg.contains("Pareto front"), ys.iter().take(2).any(|y| !y.is_nan()));
+            }
+        }
+        assert!(plot(Scale::Linear, &[f64::INFINITY, 30.0]).svg().contains("at the edge"));
+        // A logarithm's order is kept: larger values are higher up.
+        let svg = plot(Scale::Log, &[1.0, 10.0, 100.0]).svg();
+        let heights: Vec<f64> = svg
+            .split("r=\"4.5\"")
+            .map(|p| p.rsplit("cy=\"").next().unwrap())
+            .take(3)
+            .map(|p| p[..p.find('"').unwrap()].parse().unwrap())
+            .collect();
+        assert!(heights[0] > heights[1] && heights[1] > heights[2], "{heights:?}");
+        assert!(((heights[0] - heights[1]) - (heights[1] - heights[2])).abs() < 0.11, "{heights:?}");
+    }
+
+    #[test]
+    fn a_page_of_pieces_is_whole_and_fetches_nothing() {
+        let table = Table {
+            columns: vec![("setting".into(), "what".into()), ("ms".into(), "time & more".into())],
+            rows: vec![(vec!["4 bit <16³>".into(), "1.5".into()], true), (vec!["raw".into(), "9".into()], false)],
+        };
+        let page = Page {
+            title: "T & t".into(),
+            label: "phantom".into(),
+            intro: "i".into(),
+            facts: vec![("size".into(), "1 B".into())],
+            sections: vec![
+                ("One".into(), vec![Piece::Text("x < y".into()), Piece::Plots(vec![plot(Scale::Linear, &[1.0])])]),
+                ("Two".into(), vec![Piece::Table(table), Piece::Pictures(2, vec![("c".into(), picture(3))])]),
+                (
+                    "Three".into(),
+                    vec![Piece::Terms(vec![("w".into(), "m".into())]), Piece::Commands(vec!["vug".into()])],
+                ),
+            ],
+        };
+        let html = page.to_html().unwrap();
+        for part in [
+            "T &amp; t",
+            "x &lt; y",
+            "<tr class=\"marked\"><th scope=\"row\">4 bit &lt;16³&gt;</th><td>1.5</td>",
+            "title=\"time &amp; more\"",
+            "href=\"#part2\"",
+            "<dt>w</dt><dd>m</dd>",
+            "<pre><code>vug</code></pre>",
+        ] {
+            assert!(html.contains(part), "{part} is missing");
+        }
+        assert_eq!(html.matches("data:image/png;base64,").count(), 1);
+        for outside in ["http:", "https:", "src=\"//", "<script", "@import", "<link"] {
+            assert!(!html.contains(outside), "{outside}");
+        }
+        for tag in ["section", "figure", "table", "svg", "div", "p"] {
+            let open = html.matches(&format!("<{tag} ")).count() + html.matches(&format!("<{tag}>")).count();
+            assert_eq!(open, html.matches(&format!("</{tag}>")).count(), "{tag}");
+        }
+    }
+}

@@ -5,7 +5,9 @@ use crate::container::directory::{self, ChunkRef, PAGE_NODES, PageEntry};
 use crate::container::kept;
 use crate::container::node::NODE_BYTES;
 use crate::container::section::{self, SectionFlags, show};
-use crate::container::{ExtraSection, Head, HeadParser, Node, SectionEntry, Step, check_meta, features, parse_times};
+use crate::container::{
+    ExtraSection, Head, HeadParser, Node, SectionEntry, Step, check_meta, check_scene, features, parse_times,
+};
 use crate::error::{Code, Error, Result};
 use crate::geometry::{Coord, unmorton8};
 use crate::limits::{self, Limits};
@@ -51,7 +53,7 @@ impl Strict {
         }
         let flags = s.flags.0 & !if s.fourcc == section::BRIK { SectionFlags::GPU_DIRECT.0 } else { 0 };
         let expected = match s.fourcc {
-            section::META => SectionFlags::COPY_SAFE.0,
+            section::META | section::SCNE => SectionFlags::COPY_SAFE.0,
             section::FNAM | section::TIME => 0,
             f if section::is_critical(f) => SectionFlags::CRITICAL.0,
             _ if s.flags.contains(SectionFlags::GPU_DIRECT) => {
@@ -85,6 +87,9 @@ impl Strict {
         if s.fourcc == section::META {
             let text = self.decode_meta(&s, &bytes)?;
             check_meta(&text, s.offset)?;
+        }
+        if s.fourcc == section::SCNE {
+            check_scene(&bytes, s.offset)?;
         }
         if s.fourcc == section::TIME {
             self.times = Some(parse_times(&bytes, s.offset, self.head.descriptor.time_steps)?);

@@ -1,6 +1,7 @@
 //! Chapter 3: the section table, METADATA and layout flags.
 
 use super::support::*;
+use crate::container::scene_section;
 use crate::container::*;
 use crate::error::Code;
 
@@ -168,7 +169,7 @@ fn extra(fourcc: FourCc, flags: u16) -> ExtraSection {
 
 #[test] // spec: SEC-10, SEC-11, VER-5; C-07
 fn unknown_sections() {
-    for fourcc in [*b"zzZZ", *b"LFLD", *b"SOLT", *b"MIPT", *b"SCNE"] {
+    for fourcc in [*b"zzZZ", *b"LFLD", *b"SOLT", *b"MIPT"] {
         let options = FinishOptions { extra: vec![extra(fourcc, 2), extra(*b"aaaa", 4)], ..FinishOptions::default() };
         let file = small_with(options);
         assert!(strict(&file).is_empty(), "{:?}", strict(&file));
@@ -205,6 +206,42 @@ fn unknown_sections() {
         let options = FinishOptions { extra: sections, ..FinishOptions::default() };
         assert_eq!(w().finish(&descriptor([4, 4, 4], 1), options).map(|_| ()).unwrap_err().code(), code);
     }
+}
+
+#[test] // spec: SEC-18
+fn scenes() {
+    let with = |text: &[u8]| {
+        let d = descriptor([4, 4, 4], 1);
+        let w = FileWriter::new(std::io::Cursor::new(Vec::new()), &d).unwrap();
+        let mut section = scene_section(String::new());
+        section.bytes = text.to_vec();
+        section.entry.crc = crate::checksum::crc32(text);
+        (section.entry.stored_len, section.entry.decoded_len) = (text.len() as u64, text.len() as u64);
+        w.finish(&d, FinishOptions { extra: vec![section], ..FinishOptions::default() }).map(|(f, _)| f.into_inner())
+    };
+    for text in ["", "sampler = \"linear\"  # größer", &"x".repeat(1 << 20)] {
+        let file = with(text.as_bytes()).unwrap();
+        assert!(strict(&file).is_empty(), "{:?}", strict(&file));
+        // An editor keeps it.
+        let (copy, _) =
+            rewrite(file.len() as u64, &Default::default(), &mut reader(&file), std::io::Cursor::new(vec![])).unwrap();
+        assert_eq!(copy.into_inner(), file);
+    }
+    assert_eq!(with(&vec![b'x'; (1 << 20) + 1]).unwrap_err().code(), Code::Limit);
+    assert_eq!(with(b"a\xFFb").unwrap_err().code(), Code::Utf8);
+    let file = with(b"step = 1.0").unwrap();
+    let (entry, at) = (Places::of(&file).entry(*b"SCNE"), Places::of(&file).section(*b"SCNE"));
+    strictly_refused(&changed(&file, at + 3, b"\xFF"), Code::Utf8, at);
+    // A known section: version, flags and lengths are those of the table.
+    refused(&changed(&file, entry + 4, &[2]), Code::Version, entry + 4);
+    refused(&changed(&file, entry + 6, &[3]), Code::Param, entry + 6);
+    refused(&changed(&file, entry + 33, &[1]), Code::Param, entry + 33);
+    refused(&changed(&file, entry + 48, &[1]), Code::Size, entry + 48);
+    strictly_refused(&changed(&file, entry + 6, &[0]), Code::Canon, entry + 6);
+    let long = ((1u64 << 20) + 1).to_le_bytes();
+    let bytes = changed(&changed(&file, entry + 16, &long), entry + 24, &long);
+    let longer = [bytes, vec![0; 2 << 20]].concat();
+    assert!(matches!(open(&longer).map(|_| ()).unwrap_err().code(), Code::Limit | Code::Size));
 }
 
 #[test] // spec: SEC-12

@@ -31,9 +31,7 @@ pub fn origin_of<R: Real>(ray: &Ray<R>, base: V3<R>, right_at: V3<R>, up_at: V3<
 /// How far it goes for a world length of 1.
 pub fn direction_of<R: Real>(frame: &Frame<R>, ray: &Ray<R>, forward: V3<R>, right: V3<R>, up: V3<R>) -> V3<R> {
     match frame.lens {
-        Lens::Perspective => {
-            add(add(forward, scale(ray.film[0], right)), scale(ray.film[1], up)).map(|v| v / ray.norm)
-        }
+        Lens::Perspective => add(add(forward, scale(ray.film[0], right)), scale(ray.film[1], up)).map(|v| v / ray.norm),
         Lens::Orthographic => forward,
     }
 }

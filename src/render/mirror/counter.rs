@@ -76,3 +76,9 @@ impl Work {
         }
     }
 }
+
+impl From<Free> for Work {
+    fn from(_: Free) -> Work {
+        Work::default()
+    }
+}

@@ -26,7 +26,14 @@ impl Pairs {
 }
 
 /// Voxels at x, in row (y, z); the outer two only where the row is long.
-fn row<R: Real>(v: &Volume<'_, R>, kept: &mut Pairs, x: [u32; 4], [y, z]: [u32; 2], long: bool, n: &mut impl Counter) -> [R; 4] {
+fn row<R: Real>(
+    v: &Volume<'_, R>,
+    kept: &mut Pairs,
+    x: [u32; 4],
+    [y, z]: [u32; 2],
+    long: bool,
+    n: &mut impl Counter,
+) -> [R; 4] {
     let mut values = [R::of(0.0); 4];
     let mut held: Option<(u32, u32)> = None;
     let taken = if long { 0..4 } else { 1..3 };
@@ -44,9 +51,8 @@ fn row<R: Real>(v: &Volume<'_, R>, kept: &mut Pairs, x: [u32; 4], [y, z]: [u32; 
 
 /// The gradient of the trilinear field.
 pub fn gradient<R: Real>(v: &Volume<'_, R>, base: [i32; 3], f: V3<R>, n: &mut impl Counter) -> V3<R> {
-    let [x, y, z]: [[u32; 4]; 3] = std::array::from_fn(|a| {
-        [-1, 0, 1, 2].map(|d| base[a].saturating_add(d).clamp(0, v.last[a]).cast_unsigned())
-    });
+    let [x, y, z]: [[u32; 4]; 3] =
+        std::array::from_fn(|a| [-1, 0, 1, 2].map(|d| base[a].saturating_add(d).clamp(0, v.last[a]).cast_unsigned()));
     let mut kept = Pairs { first: block(v, [x[0], y[0], z[0]]), pairs: [None; 8] };
     // Rows by y and z, 0 to 3; corners of the 4×4 are never needed.
     let mut rows = [[[R::of(0.0); 4]; 4]; 4];

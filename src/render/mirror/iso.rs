@@ -61,7 +61,14 @@ fn halve<R: Real>(frame: &Frame<R>, v: &[Volume<'_, R>], way: &Way<R>, outer: R,
     b
 }
 
-fn surface<R: Real>(frame: &Frame<R>, v: &[Volume<'_, R>], ray: &Ray<R>, way: &Way<R>, t: R, n: &mut impl Counter) -> [R; 4] {
+fn surface<R: Real>(
+    frame: &Frame<R>,
+    v: &[Volume<'_, R>],
+    ray: &Ray<R>,
+    way: &Way<R>,
+    t: R,
+    n: &mut impl Counter,
+) -> [R; 4] {
     let p = way.at(t);
     n.count(|w| w.lookups += 1);
     let c = classify(&v[0].points, value(frame, v, p, n));

@@ -14,8 +14,7 @@ mod shade;
 mod skip;
 mod source_raw;
 mod source_s3dc;
-#[cfg(test)]
-mod tests;
+
 mod transfer;
 
 pub use camera::{Ray, clip_ray, direction_of, origin_of, ray_of};

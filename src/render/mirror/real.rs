@@ -43,7 +43,11 @@ pub trait Real:
 
 macro_rules! real {
     ($t:ty) => {
-        #[allow(clippy::cast_possible_truncation, clippy::cast_lossless, reason = "rounding to the type is what is meant")]
+        #[allow(
+            clippy::cast_possible_truncation,
+            clippy::cast_lossless,
+            reason = "rounding to the type is what is meant"
+        )]
         impl Real for $t {
             fn of(v: f64) -> Self {
                 v as $t

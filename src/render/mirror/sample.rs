@@ -28,9 +28,8 @@ pub fn base_of<R: Real>(sampler: Sampler, p: V3<R>) -> [i32; 3] {
 /// The voxel at `base`, or trilinear between voxels `base` and `base + 1`; outside of the volume, the nearest inside.
 pub fn lerp<R: Real>(sampler: Sampler, v: &Volume<'_, R>, base: [i32; 3], f: V3<R>, n: &mut impl Counter) -> Value<R> {
     n.count(|w| w.samples += 1);
-    let at = |d: i32| -> [u32; 3] {
-        std::array::from_fn(|a| base[a].saturating_add(d).clamp(0, v.last[a]).cast_unsigned())
-    };
+    let at =
+        |d: i32| -> [u32; 3] { std::array::from_fn(|a| base[a].saturating_add(d).clamp(0, v.last[a]).cast_unsigned()) };
     let (lo, hi) = (at(0), at(1));
     let corners = match (sampler, v.level.layout.store) {
         (Sampler::Nearest, _) => return voxel(v, lo, n),

@@ -5,7 +5,14 @@ use super::real::{Real, V3};
 use super::{Frame, Volume};
 
 /// The number of the next sample that may be seen: `k` itself, or one not behind the end of the brick around `p`.
-pub fn next<R: Real>(frame: &Frame<R>, v: &Volume<'_, R>, p: V3<R>, direction: V3<R>, k: u32, n: &mut impl Counter) -> u32 {
+pub fn next<R: Real>(
+    frame: &Frame<R>,
+    v: &Volume<'_, R>,
+    p: V3<R>,
+    direction: V3<R>,
+    k: u32,
+    n: &mut impl Counter,
+) -> u32 {
     let last = v.last;
     let half = R::of(0.5);
     let c: [u32; 3] = std::array::from_fn(|a| super::index((p[a] + half).floor()).clamp(0, last[a]).cast_unsigned());
@@ -24,7 +31,11 @@ pub fn next<R: Real>(frame: &Frame<R>, v: &Volume<'_, R>, p: V3<R>, direction: V
             way = way.min(((face - p[a]) / direction[a]).max(R::of(0.0)) / frame.step);
         }
     }
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "way lies from 0 to the number of samples")]
+    #[allow(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "way lies from 0 to the number of samples"
+    )]
     let whole = way.min(most).to_f64() as u32;
     k + whole.max(2) - 1
 }

@@ -1,7 +1,7 @@
 //! What of a volume is copied: whole trees, whole levels, boxes of whole bricks.
 
 use super::{BrickOrder, CopyOptions, ZstdPolicy};
-use crate::container::{Downsample, FinishOptions, Node, NodeKind, Octree, VolumeDescriptor};
+use crate::container::{Downsample, FinishOptions, Node, NodeKind, Octree, VolumeDescriptor, scene_section};
 use crate::error::{Code, Error, Result};
 use crate::geometry::{Coord, Extent, Region, unmorton8};
 use crate::volume::Volume;
@@ -19,6 +19,7 @@ pub struct Excerpt<'a> {
     order: BrickOrder,
     pub(super) zstd: ZstdPolicy,
     file_id: Option<[u8; 16]>,
+    scene: Option<String>,
     descriptor: VolumeDescriptor,
     pub(super) octree: Octree,
 }
@@ -78,7 +79,8 @@ impl Volume {
         }
         let octree = Octree::new(&descriptor)?;
         let CopyOptions { order, zstd, file_id, .. } = *options;
-        Ok(Excerpt { volume: self, levels, times, channels, region, order, zstd, file_id, descriptor, octree })
+        let scene = options.scene.clone();
+        Ok(Excerpt { volume: self, levels, times, channels, region, order, zstd, file_id, scene, descriptor, octree })
     }
 }
 
@@ -128,6 +130,10 @@ impl Excerpt<'_> {
     /// `E_FEATURE` where an editor must know a feature that this one does not; those of damaged sections.
     pub fn finish_options(&self) -> Result<FinishOptions> {
         let mut options = FinishOptions { file_id: self.file_id, ..self.volume.kept()? };
+        if let Some(scene) = &self.scene {
+            options.extra.retain(|s| s.entry.fourcc != *b"SCNE");
+            options.extra.push(scene_section(scene.clone()));
+        }
         if let Some(times) = &mut options.times {
             times.steps = times.steps[self.times.start as usize..self.times.end as usize].to_vec();
         }

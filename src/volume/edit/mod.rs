@@ -74,6 +74,8 @@ pub struct CopyOptions {
     pub order: BrickOrder,
     /// Whether payloads are compressed.
     pub zstd: ZstdPolicy,
+    /// Text for the `SCNE` section instead of the one that is there.
+    pub scene: Option<String>,
     /// File id instead of the one made from the content.
     pub file_id: Option<[u8; 16]>,
 }

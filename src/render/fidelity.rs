@@ -1,0 +1,169 @@
+//! How true a picture is to its source: which level is shown, how far values can be off, what was read and what is missing.
+
+use super::plan::{Plan, PlannedLevel};
+use crate::volume::Volume;
+use serde_json::{Value, json};
+
+/// What rendered a picture.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Device {
+    /// Name of the adapter; `cpu` for the reference renderer.
+    pub adapter: String,
+    /// What kind of device it is.
+    pub kind: String,
+    /// Driver, with its version.
+    pub driver: String,
+    /// Interface it is reached by.
+    pub backend: String,
+}
+
+/// Times of one pass.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PassTimes {
+    /// Its name.
+    pub name: String,
+    /// Milliseconds, of each time it ran.
+    pub ms: Vec<f64>,
+}
+
+impl PassTimes {
+    /// The median; `None` where it never ran.
+    #[must_use]
+    pub fn median(&self) -> Option<f64> {
+        let mut ms = self.ms.clone();
+        ms.sort_by(f64::total_cmp);
+        let n = ms.len();
+        (n > 0).then(|| (ms[(n - 1) / 2] + ms[n / 2]) / 2.0)
+    }
+}
+
+/// Bytes that a picture took.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Bytes {
+    /// Read from the files.
+    pub read: u64,
+    /// Written to textures and buffers.
+    pub uploaded: u64,
+}
+
+/// How far the values that a level shows can be from those of the source's finest level at the same place, in sample units:
+/// the worst over all bricks with something to see. `None` where a brick does not say what its error is.
+///
+/// At level 0 it is the bricks' largest error. A coarser voxel and the voxels that it stands for lie between minimum and
+/// maximum of its brick (and of the next ones, for interpolation), and these are off by the brick's largest error: so the
+/// bound is max − min + max error.
+#[must_use]
+pub fn error_bound(level: &PlannedLevel) -> Option<f64> {
+    let mut worst = 0.0f64;
+    let [nx, ny, nz] = level.visible.size();
+    for brick in (0..nz).flat_map(|z| (0..ny).flat_map(move |y| (0..nx).map(move |x| [x, y, z]))) {
+        if !level.visible.has(brick) {
+            continue;
+        }
+        let b = level.bounds.with_neighbours(brick);
+        let spread = if level.at.lod == 0 { 0.0 } else { f64::from(b.max) - f64::from(b.min) };
+        worst = worst.max(spread + f64::from(b.max_error?));
+    }
+    Some(worst)
+}
+
+/// The report beside a picture.
+#[must_use]
+pub fn report(plan: &Plan, volumes: &[&Volume], device: &Device, passes: &[PassTimes], bytes: Bytes) -> Value {
+    let missing: u64 = volumes.iter().map(|v| v.head().unfinished()).sum();
+    let levels = plan.levels.iter().map(|l| {
+        json!({
+            "volume": l.volume,
+            "time": l.at.time,
+            "channel": l.at.channel,
+            "level": l.at.lod,
+            "coarsest_level": volumes[l.volume].info().lod_count - 1,
+            "why": l.reason,
+            "error_bound": error_bound(l),
+            "bricks_needed": l.wanted.count(),
+            "bricks_visible": l.visible.count(),
+        })
+    });
+    let times = passes.iter().map(|p| json!({ "name": p.name, "median_ms": p.median(), "ms": p.ms }));
+    let files: Vec<_> = plan.passes.iter().flat_map(|p| p.files.iter()).collect();
+    json!({
+        "levels": levels.collect::<Vec<_>>(),
+        // Nothing better is to come: the finest level is shown, and all of it is there.
+        "is_final": missing == 0 && plan.levels.iter().all(|l| l.at.lod == 0),
+        "bytes": { "read": bytes.read, "uploaded": bytes.uploaded, "missing": missing },
+        "device": {
+            "adapter": device.adapter,
+            "kind": device.kind,
+            "driver": device.driver,
+            "backend": device.backend,
+        },
+        "sampler": plan.key.sampler.name(),
+        "step": plan.step,
+        "effects": plan.key.effects.iter().map(|e| e.name()).collect::<Vec<_>>(),
+        "shaders": files,
+        "passes": times.collect::<Vec<_>>(),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Extent;
+    use crate::gpu::level::Fit;
+    use crate::grid::Grid;
+    use crate::limits::Limits;
+    use crate::render::scene::SceneFile;
+    use crate::source::MemorySource;
+    use crate::volume::{self, At, EncodeOptions, Quality};
+    use std::path::Path;
+
+    #[test]
+    fn medians() {
+        let of = |ms: &[f64]| PassTimes { name: String::new(), ms: ms.to_vec() }.median();
+        assert_eq!((of(&[]), of(&[3.0]), of(&[9.0, 1.0, 4.0]), of(&[1.0, 2.0])), (None, Some(3.0), Some(4.0), Some(1.5)));
+    }
+
+    #[test] // true errors stay below the reported bound, at coarse levels too
+    fn the_bound_holds() {
+        let value = |c: [u32; 3]| {
+            let wave = (f64::from(c[0]) * 0.21).sin() * (f64::from(c[1]) * 0.13).cos() + (f64::from(c[2]) * 0.3).sin();
+            (1000.0 + 400.0 * wave + f64::from((c[0] * 7 + c[1] * 13 + c[2] * 31) % 17)) as u16
+        };
+        let extent = Extent::new(70, 50, 40);
+        let mut grid = Grid::from_fn(extent, value).unwrap();
+        let options = EncodeOptions {
+            brick: Some(16),
+            levels: 3,
+            quality: Quality::Explicit { index_bits: 2, block: Extent::cube(4) },
+            ..EncodeOptions::default()
+        };
+        let mut file = std::io::Cursor::new(Vec::new());
+        volume::encode(&mut grid, &mut file, &options, &mut |_, _| {}).unwrap();
+        let v = Volume::open(MemorySource(file.into_inner()), Limits::default()).unwrap();
+        let mut bounds = Vec::new();
+        for lod in 0..3u8 {
+            // Every value is looked at.
+            let text = format!("projection = \"maximum\"\nlevel = {lod}");
+            let scene = SceneFile::parse(&text).unwrap().resolve(&[&v], Path::new("")).unwrap();
+            let plan = Plan::new(&scene, &[&v], &Fit::host(None)).unwrap();
+            let bound = error_bound(&plan.levels[0]).unwrap();
+            let shown = v.read(At::lod(lod)).unwrap();
+            let mut worst = 0.0f64;
+            for z in 0..extent.z {
+                for y in 0..extent.y {
+                    for x in 0..extent.x {
+                        let c = [x, y, z];
+                        let got = shown.value(c.map(|n| n >> lod)).unwrap().component(0);
+                        worst = worst.max((got - f64::from(value(c))).abs());
+                    }
+                }
+            }
+            assert!(worst <= bound && worst > 0.0, "level {lod}: {worst} of {bound}");
+            bounds.push(bound);
+            let json = report(&plan, &[&v], &Device::default(), &[], Bytes { read: 7, uploaded: 8 });
+            assert_eq!((&json["levels"][0]["error_bound"], &json["is_final"]), (&json!(bound), &json!(lod == 0)));
+            assert_eq!(json["bytes"], json!({ "read": 7, "uploaded": 8, "missing": 0 }));
+        }
+        assert!(bounds[0] < bounds[1], "a coarser level is not held to be as good: {bounds:?}");
+    }
+}

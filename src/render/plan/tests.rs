@@ -1,0 +1,164 @@
+use super::*;
+use crate::gpu::key::Form;
+use crate::gpu::{Source, Traversal};
+use crate::grid::Grid;
+use crate::limits::Limits;
+use crate::render::scene::SceneFile;
+use crate::render::transfer::{Point, TransferFunction};
+use crate::source::MemorySource;
+use crate::volume::{self, EncodeOptions};
+use std::path::Path;
+
+/// A small bright ball in one corner of a dark volume: bricks of 16³.
+fn ball(levels: u8) -> Volume {
+    let mut grid = Grid::from_fn(Extent::new(96, 80, 64), |c| {
+        let r2: i32 = c.iter().map(|&v| (v as i32 - 24).pow(2)).sum();
+        if r2 < 36 { 200u8 } else { 10 }
+    })
+    .unwrap();
+    encoded(&mut grid, levels)
+}
+
+fn encoded(grid: &mut Grid, levels: u8) -> Volume {
+    let mut file = std::io::Cursor::new(Vec::new());
+    let options = EncodeOptions { brick: Some(16), levels, ..EncodeOptions::default() };
+    volume::encode(grid, &mut file, &options, &mut |_, _| {}).unwrap();
+    Volume::open(MemorySource(file.into_inner()), Limits::default()).unwrap()
+}
+
+fn scene(volume: &Volume, text: &str) -> Scene {
+    let mut scene = SceneFile::parse(text).unwrap().resolve(&[volume], Path::new("")).unwrap();
+    let clear_below = |v| {
+        let p = |value, alpha| Point { value, color: [1.0; 3], alpha };
+        TransferFunction::new(vec![p(v, 0.0), p(v + 50.0, 1.0)]).unwrap()
+    };
+    scene.volumes[0].transfer = clear_below(100.0);
+    scene
+}
+
+fn plan(volume: &Volume, scene: &Scene) -> Plan {
+    Plan::new(scene, &[volume], &Fit::host(None)).unwrap()
+}
+
+#[test]
+fn only_bricks_with_something_to_see() {
+    let v = ball(1);
+    let s = scene(&v, "level = 0\nsampler = \"nearest\"");
+    let p = plan(&v, &s);
+    let level = &p.levels[0];
+    // The ball reaches from 18 to 30: one brick of 6×5×4, and nothing beyond it is sampled.
+    assert_eq!((level.visible.count(), level.wanted.count(), level.visible.bits().len()), (1, 1, 120));
+    assert!(level.visible.has([1, 1, 1]) && !level.visible.has([9, 9, 9]));
+    // Linear samples beside it see it too, and those in it need their neighbours.
+    let p = plan(&v, &scene(&v, "level = 0"));
+    assert_eq!((p.levels[0].visible.count(), p.levels[0].wanted.count()), (27, 64));
+    // Without culling everything is there, and rays skip all the same.
+    let p = plan(&v, &scene(&v, "effects = [\"empty_skip\"]"));
+    assert_eq!((p.levels[0].visible.count(), p.levels[0].wanted.count()), (27, 120));
+    // An iso-surface: where both sides of it are.
+    let p = plan(&v, &scene(&v, "level = 0\nprojection = \"iso\"\niso_surface = { value = 100 }"));
+    assert_eq!(p.levels[0].visible.count(), 27);
+    let none = plan(&v, &scene(&v, "level = 0\nprojection = \"iso\"\niso_surface = { value = 250 }"));
+    assert_eq!(none.levels[0].wanted.count(), 0);
+    // The other projections look at every value.
+    let p = plan(&v, &scene(&v, "projection = \"maximum\""));
+    assert_eq!(p.levels[0].wanted.count(), p.levels[0].wanted.bits().len());
+}
+
+#[test] // hard case: R-19
+fn a_brick_that_touches_a_peak_at_one_point_is_seen() {
+    let v = ball(1);
+    let mut s = scene(&v, "level = 0\nsampler = \"nearest\"");
+    let p = |value, alpha| Point { value, color: [1.0; 3], alpha };
+    // The ball's own value, 200 exactly: found where the brick's maximum touches it.
+    s.volumes[0].transfer = TransferFunction::new(vec![p(199.0, 0.0), p(200.0, 0.5), p(201.0, 0.0)]).unwrap();
+    assert_eq!(plan(&v, &s).levels[0].visible.count(), 1);
+    // Constant bricks at the foot of a ramp show nothing: no slack where there is nothing to round.
+    s.volumes[0].transfer = TransferFunction::new(vec![p(10.0, 0.0), p(255.0, 1.0)]).unwrap();
+    assert_eq!(plan(&v, &s).levels[0].visible.count(), 1);
+}
+
+#[test] // hard case: R-07
+fn steps_too_fine_are_refused_before_anything_is_rendered() {
+    let v = ball(1);
+    for (step, ok) in [(1e-3, true), (1e-4, false), (1e-300, false), (1e300, true)] {
+        let s = Scene { step, ..scene(&v, "") };
+        match Plan::new(&s, &[&v], &Fit::host(None)) {
+            Ok(p) => assert!(ok && p.samples <= MAX_SAMPLES && p.samples >= 2, "{step}: {}", p.samples),
+            Err(e) => {
+                assert!(!ok && e.code() == Code::Limit && e.field() == "step", "{step}: {e}");
+            }
+        }
+    }
+}
+
+#[test]
+fn levels_follow_the_size_of_a_pixel_and_fit_what_there_is() {
+    let v = ball(3);
+    let lod = |text: &str| plan(&v, &scene(&v, text)).levels[0].at.lod;
+    assert_eq!(lod("size = [1000, 1000]"), 0);
+    assert!(lod("size = [20, 20]") == 2 && lod("size = [20, 20]\neffects = []") == 0);
+    assert_eq!(lod("level = 1"), 1);
+    let e = Plan::new(&scene(&v, "level = 3"), &[&v], &Fit::host(None)).unwrap_err();
+    assert_eq!(e.code(), Code::Range);
+    // Too much for the device: the error says what fits.
+    let e = Plan::new(&scene(&v, "level = 0"), &[&v], &Fit::host(Some(60_000))).unwrap_err();
+    assert!(e.code() == Code::Limit && e.message().contains("level 1"), "{e}");
+}
+
+#[test]
+fn a_plan_holds_what_the_scene_asks_for_and_says_what_it_leaves_out() {
+    let v = ball(1);
+    let p = plan(&v, &scene(&v, "effects = []"));
+    assert_eq!((p.passes.len(), p.left_out.len()), (1, Effect::ALL.len()));
+    assert!(matches!(p.key.volumes[0].form, Form::S3dc(Texel::Uint)));
+    let pass = &p.passes[0];
+    let names: Vec<_> = pass.bindings.iter().map(|b| b.name).collect();
+    assert_eq!(names, ["frame", "picture", "volume", "index", "minmax"]);
+    // Index words and pairs of end points, as many as the payloads hold.
+    let textures: u64 = pass.bindings[3..].iter().map(|b| b.bytes).sum();
+    assert_eq!(textures, p.levels[0].layout.bytes());
+    assert_eq!(pass.bindings[1].bytes, 768 * 768 * 16);
+    assert!(pass.fetches[0].lit.is_none() && (pass.fetches[0].value - 6.953_125).abs() < 1e-9);
+
+    let all =
+        plan(&v, &scene(&v, "effects = [\"gradient_shading\", \"empty_skip\", \"early_out\"]\nsource = \"deferred\""));
+    let names: Vec<_> = all.passes.iter().map(|p| (p.name, p.once)).collect();
+    assert_eq!(names, [("decode_s3dc", true), ("raycast", false)]);
+    assert!(matches!(all.key.volumes[0].form, Form::Raw(Texel::Float)));
+    let text = all.explain();
+    for word in ["decode_s3dc (once)", "56.00 where it is lit", "left out    lod", "tf_cull: not asked for", "visible"]
+    {
+        assert!(text.contains(word), "{word} in\n{text}");
+    }
+    let json = all.to_json();
+    assert_eq!(json["passes"][1]["bindings"][3]["bytes"], 96 * 80 * 64 * 4);
+    assert_eq!(json["levels"][0]["bricks_needed"], 120);
+
+    let cut = "traversal = \"cut_plane\"\ncut_plane = { point = [48, 40, 32], normal = [0, 0, 1] }";
+    let cut = plan(&v, &scene(&v, cut));
+    assert_eq!((cut.key.traversal, cut.passes[0].name), (Traversal::CutPlane, "cut_plane"));
+    assert!(cut.explain().contains("empty_skip: does nothing with cut_plane"));
+}
+
+#[test] // hard case: R-27
+fn two_time_steps_where_the_picture_lies_between_them() {
+    let v = ball(1);
+    let s = scene(&v, "effects = [\"time_interp\", \"tf_cull\"]");
+    let p = plan(&v, &s);
+    // The last step has none behind it: it is mixed with itself, and nothing beyond is read.
+    assert_eq!(p.levels.iter().map(|l| l.at.time).collect::<Vec<_>>(), [0, 0]);
+    assert_eq!(p.key.volumes.len(), 2);
+    assert!(p.key.effects.has(Effect::TimeInterp) && !p.key.effects.has(Effect::TfCull));
+}
+
+#[test]
+fn sources_and_samplers_that_do_not_go_together() {
+    let v = ball(1);
+    let of = |text: &str| Plan::new(&scene(&v, text), &[&v], &Fit::host(None)).map(|p| p.key.volumes[0].form);
+    assert_eq!(of("sampler = \"hw_linear\"").unwrap_err().code(), Code::Param);
+    assert!(matches!(of("sampler = \"hw_linear\"\nsource = \"deferred\""), Ok(Form::Raw(Texel::Float))));
+    assert!(matches!(of("sampler = \"hw_linear\"\nsource = \"decoded\""), Ok(Form::Raw(Texel::Float))));
+    assert!(matches!(of("sampler = \"linear\"\nsource = \"decoded\""), Ok(Form::Raw(Texel::Uint))));
+    assert_eq!(SceneFile::default().source, Source::Direct);
+}
