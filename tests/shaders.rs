@@ -105,7 +105,7 @@ fn every_shader_is_valid_and_binds_what_its_key_says() {
             .filter_map(|(_, v)| Some((v.binding?.group, v.binding?.binding, v.name.clone()?)))
             .collect();
         found.sort();
-        let due: Vec<_> = key
+        let mut due: Vec<_> = key
             .bindings()
             .iter()
             .map(|b| {
@@ -113,6 +113,7 @@ fn every_shader_is_valid_and_binds_what_its_key_says() {
                 (b.group, b.binding, format!("{}{suffix}", b.name))
             })
             .collect();
+        due.sort();
         assert_eq!(found, due, "{key:?}");
         assert!(module.entry_points.iter().any(|e| e.name == key.entry()));
     }
