@@ -194,7 +194,8 @@ impl Renderer {
 
     fn by_cpu<R: Real>(&self, levels: &[HostLevel], view: &View, progress: Progress<'_>) -> Result<Rendered> {
         let started = Instant::now();
-        let frame = setup::frame::<R>(&self.plan, &self.scene, view);
+        let lies = setup::Lies::all(&self.plan, view)?;
+        let frame = setup::frame::<R>(&self.plan, &self.scene, view, &lies);
         let skips = self.plan.key.bindings().iter().any(|b| b.name == "visible");
         let masks: Vec<Vec<u8>> = self
             .plan
@@ -208,11 +209,11 @@ impl Renderer {
             .iter()
             .zip(levels)
             .zip(&masks)
-            .map(|((planned, level), mask)| {
-                let transfer = &self.scene.volumes[planned.volume].transfer;
-                Ok(setup::Lies::of(planned, view, self.plan.step)?.volume::<R>(level, mask, transfer))
+            .zip(&lies)
+            .map(|(((planned, level), mask), lies)| {
+                lies.volume::<R>(level, mask, &self.scene.volumes[planned.volume].transfer)
             })
-            .collect::<Result<Vec<_>>>()?;
+            .collect::<Vec<_>>();
         let groups: Vec<&[mirror::Volume<'_, R>]> = match self.plan.key.shown() == volumes.len() {
             true => volumes.chunks(1).collect(),
             false => vec![&volumes],

@@ -8,8 +8,8 @@ use crate::volume::Volume;
 /// A level in memory.
 ///
 /// Of zerobit levels, [`HostLevel::table`] has four words per brick (x fastest): 0 or 1 and, in the fourth, the raw value of
-/// every voxel; or 2 + page, first word in the page, bytes of the payload, number of its codebook. [`HostLevel::books`] has
-/// 512 words per codebook: 256 averages, then 256 details; of scalars as i32, of rgb8 three bytes from the lowest on.
+/// every voxel; or 2 + page, first word in the page, bytes of the payload, number of its codebook. Four more behind them are
+/// those of an EMPTY brick: the value of null cells. [`HostLevel::books`] has 512 words per codebook: 256 averages, then 256 details; of scalars as i32, of rgb8 three bytes from the lowest on.
 #[derive(Clone, Debug)]
 pub struct HostLevel {
     /// How it lies.
@@ -64,6 +64,22 @@ fn offset(t: &TextureLayout, at: [u32; 3]) -> Option<usize> {
     inside.then(|| (x + t.size[0] as usize * (y + t.size[1] as usize * z)) * t.format.bytes() as usize)
 }
 
+/// Copies rows of `row` bytes that lie side by side in `from` to where they lie `pitch` bytes apart.
+pub(crate) fn copy_rows(to: &mut [u8], pitch: usize, from: &[u8], row: usize) {
+    // A row of a brick is often so short that a call to copy it would take longer than its bytes.
+    fn short<const N: usize>(to: &mut [u8], pitch: usize, from: &[u8]) {
+        for (to, from) in to.chunks_mut(pitch).zip(from.as_chunks::<N>().0) {
+            to[..N].copy_from_slice(from);
+        }
+    }
+    match row {
+        16 => short::<16>(to, pitch, from),
+        32 => short::<32>(to, pitch, from),
+        64 => short::<64>(to, pitch, from),
+        _ => to.chunks_mut(pitch).zip(from.chunks_exact(row)).for_each(|(to, from)| to[..row].copy_from_slice(from)),
+    }
+}
+
 fn zeros(t: &TextureLayout) -> Result<Vec<u8>> {
     let too_much = || {
         let message = format!("{} are more than this machine has; use a coarser level", readable(t.bytes()));
@@ -87,14 +103,11 @@ struct Memory<'a> {
 impl LevelTarget for Memory<'_> {
     fn write(&mut self, texture: usize, origin: [u32; 3], size: [u32; 3], bytes: &[u8]) -> Result<()> {
         let t = &self.layout.textures[texture];
-        let row = size[0] as usize * t.format.bytes() as usize;
-        let mut rows = bytes.chunks_exact(row);
-        for z in 0..size[2] {
-            for y in 0..size[1] {
-                let place = offset(t, [origin[0], origin[1] + y, origin[2] + z]);
-                if let (Some(from), Some(bytes)) = (place, rows.next()) {
-                    self.textures[texture][from..from + row].copy_from_slice(bytes);
-                }
+        let texel = t.format.bytes() as usize;
+        let (row, pitch) = (size[0] as usize * texel, t.size[0] as usize * texel);
+        for (z, slice) in (0..size[2]).zip(bytes.chunks_exact(row * size[1] as usize)) {
+            if let Some(from) = offset(t, [origin[0], origin[1], origin[2] + z]) {
+                copy_rows(&mut self.textures[texture][from..], pitch, slice, row);
             }
         }
         Ok(())

@@ -19,9 +19,9 @@ pub(super) struct Pager {
 
 impl Pager {
     pub(super) fn new(layout: &LevelLayout, pages: PageLayout, null: SampleValue) -> Pager {
-        let bricks = layout.bricks.iter().map(|&n| n as usize).product();
-        // Bricks that nobody wants read as EMPTY.
-        let table = [TABLE_EMPTY, 0, 0, null.to_raw()].repeat(bricks);
+        let bricks: usize = layout.bricks.iter().map(|&n| n as usize).product();
+        // Bricks that nobody wants read as EMPTY; null cells of all others as the entry behind the last.
+        let table = [TABLE_EMPTY, 0, 0, null.to_raw()].repeat(bricks + 1);
         Pager { pages, page: Vec::new(), written: 0, table }
     }
 
