@@ -106,6 +106,7 @@ pub struct Renderer {
     scene: Scene,
     volumes: Vec<Arc<Volume>>,
     backend: Backend,
+    views: Vec<View>,
     plan: Plan,
     loaded: Loaded,
     pipelines: Arc<Pipelines>,
@@ -123,11 +124,25 @@ impl Renderer {
     /// # Errors
     /// Those of [`Plan::new`] and of reading bricks; `E_LIMIT`, `E_SOURCE` of the device.
     pub fn new(scene: Scene, volumes: Vec<Arc<Volume>>, backend: Backend, progress: Progress<'_>) -> Result<Renderer> {
-        let refs: Vec<&Volume> = volumes.iter().map(|v| &**v).collect();
-        let plan = Plan::new(&scene, &refs, &backend.fit())?;
+        Renderer::for_views(scene, volumes, backend, Vec::new(), progress)
+    }
+
+    /// The same for someone who will look from these sides only: what none of them shows is not loaded, unless the scene does
+    /// without `tf_cull`.
+    ///
+    /// # Errors
+    /// As [`Renderer::new`].
+    pub fn for_views(
+        scene: Scene,
+        volumes: Vec<Arc<Volume>>,
+        backend: Backend,
+        views: Vec<View>,
+        progress: Progress<'_>,
+    ) -> Result<Renderer> {
+        let plan = plan_for(&scene, &volumes, &backend, &views)?;
         let pipelines = Arc::new(Pipelines::default());
         let (loaded, loading) = load(&plan, &volumes, &backend, &pipelines, progress)?;
-        Ok(Renderer { scene, volumes, backend, plan, loaded, pipelines, loading })
+        Ok(Renderer { scene, volumes, backend, views, plan, loaded, pipelines, loading })
     }
 
     /// The plan.
@@ -231,13 +246,19 @@ impl Renderer {
     pub fn set_transfer(&mut self, volume: usize, transfer: TransferFunction, progress: Progress<'_>) -> Result<()> {
         let mut scene = self.scene.clone();
         scene.volumes[volume].transfer = transfer;
-        let refs: Vec<&Volume> = self.volumes.iter().map(|v| &**v).collect();
-        let plan = Plan::new(&scene, &refs, &self.backend.fit())?;
+        let plan = plan_for(&scene, &self.volumes, &self.backend, &self.views)?;
         (self.scene, self.plan) = (scene, plan);
         let (loaded, loading) = load(&self.plan, &self.volumes, &self.backend, &self.pipelines, progress)?;
         (self.loaded, self.loading) = (loaded, loading);
         Ok(())
     }
+}
+
+fn plan_for(scene: &Scene, volumes: &[Arc<Volume>], backend: &Backend, views: &[View]) -> Result<Plan> {
+    let refs: Vec<&Volume> = volumes.iter().map(|v| &**v).collect();
+    let mut plan = Plan::new(scene, &refs, &backend.fit())?;
+    plan.cull_to(scene, views)?;
+    Ok(plan)
 }
 
 fn load(

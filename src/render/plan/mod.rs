@@ -1,5 +1,6 @@
 //! Plans: a scene and its volumes become exactly the levels, uploads, bindings and passes that the picture needs.
 
+mod cull;
 mod explain;
 mod fetches;
 mod passes;
