@@ -78,7 +78,7 @@ fn a_picture_and_how_true_it_is() {
     assert_eq!(report["bytes"]["missing"], 0);
     assert!(report["passes"].as_array().unwrap().iter().any(|p| p["median_ms"].as_f64().is_some()));
     // Nothing is overwritten unasked.
-    refused(d, &args, 3, &["a.png"]);
+    refused(d, &args, 2, &["a.png", "--force"]);
     // The finest level: the bound is that of the codec.
     let args = [&["render", "ball.vug", "-o", "b.png", "--level", "0", "--json"], &FAST[..]].concat();
     let json: Value = serde_json::from_str(&ok(d, &args)).unwrap();

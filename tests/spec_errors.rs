@@ -62,6 +62,7 @@ fn caps_are_those_of_the_code() {
         ("words of a codebook", limits::MAX_CODEBOOK_WORDS),
         ("stored payload", limits::MAX_BRICK_BYTES),
         ("`META`, decoded", limits::MAX_META_BYTES),
+        ("`SCNE`", limits::MAX_SCENE_BYTES),
         ("zstd window", 1 << limits::MAX_ZSTD_WINDOW_LOG),
     ];
     assert_eq!(written, known.into_iter().map(|(name, n)| (name.to_owned(), n)).collect());

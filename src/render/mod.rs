@@ -106,6 +106,7 @@ pub struct Renderer {
     scene: Scene,
     volumes: Vec<Arc<Volume>>,
     backend: Backend,
+    views: Vec<View>,
     plan: Plan,
     loaded: Loaded,
     /// Bricks of each level that are in memory.
@@ -125,12 +126,26 @@ impl Renderer {
     /// # Errors
     /// Those of [`Plan::new`] and of reading bricks; `E_LIMIT`, `E_SOURCE` of the device.
     pub fn new(scene: Scene, volumes: Vec<Arc<Volume>>, backend: Backend, progress: Progress<'_>) -> Result<Renderer> {
-        let refs: Vec<&Volume> = volumes.iter().map(|v| &**v).collect();
-        let plan = Plan::new(&scene, &refs, &backend.fit())?;
+        Renderer::for_views(scene, volumes, backend, Vec::new(), progress)
+    }
+
+    /// The same for someone who will look from these sides only: what none of them shows is not loaded, unless the scene does
+    /// without `tf_cull`.
+    ///
+    /// # Errors
+    /// As [`Renderer::new`].
+    pub fn for_views(
+        scene: Scene,
+        volumes: Vec<Arc<Volume>>,
+        backend: Backend,
+        views: Vec<View>,
+        progress: Progress<'_>,
+    ) -> Result<Renderer> {
+        let plan = plan_for(&scene, &volumes, &backend, &views)?;
         let pipelines = Arc::new(Pipelines::default());
         let (loaded, loading) = load(&plan, &volumes, &backend, &pipelines, progress)?;
         let resident = plan.levels.iter().map(|l| l.wanted.clone()).collect();
-        Ok(Renderer { scene, volumes, backend, plan, loaded, resident, pipelines, loading })
+        Ok(Renderer { scene, volumes, backend, views, plan, loaded, resident, pipelines, loading })
     }
 
     /// The plan.
@@ -234,8 +249,7 @@ impl Renderer {
     pub fn set_transfer(&mut self, volume: usize, transfer: TransferFunction, progress: Progress<'_>) -> Result<()> {
         let mut scene = self.scene.clone();
         scene.volumes[volume].transfer = transfer;
-        let refs: Vec<&Volume> = self.volumes.iter().map(|v| &**v).collect();
-        let plan = Plan::new(&scene, &refs, &self.backend.fit())?;
+        let plan = plan_for(&scene, &self.volumes, &self.backend, &self.views)?;
         for (i, planned) in plan.levels.iter().enumerate() {
             let there = &self.resident[i];
             let fresh = BrickMask::choose(there.size(), |b| planned.wanted.has(b) && !there.has(b));
@@ -263,6 +277,13 @@ impl Renderer {
         (self.scene, self.plan) = (scene, plan);
         Ok(())
     }
+}
+
+fn plan_for(scene: &Scene, volumes: &[Arc<Volume>], backend: &Backend, views: &[View]) -> Result<Plan> {
+    let refs: Vec<&Volume> = volumes.iter().map(|v| &**v).collect();
+    let mut plan = Plan::new(scene, &refs, &backend.fit())?;
+    plan.cull_to(scene, views)?;
+    Ok(plan)
 }
 
 fn load(

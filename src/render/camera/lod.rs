@@ -35,7 +35,7 @@ pub fn level_for(view: &View, placement: &Placement, extent: Extent, levels: u8,
     let (pixel, seen) = match view.lens {
         Lens::Orthographic => (view.pixel, "everywhere (orthographic)".to_owned()),
         // NaN as well (hard case R-32).
-        Lens::Perspective if !(nearest > 0.0) => (0.0, String::new()),
+        Lens::Perspective if nearest.is_nan() || nearest <= 0.0 => (0.0, String::new()),
         Lens::Perspective => (view.pixel * nearest, format!("at the nearest distance of {nearest:.6}")),
     };
     let voxel = spacing_ends(placement).0;

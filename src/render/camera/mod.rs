@@ -1,5 +1,6 @@
 //! Cameras: what a scene says of one, and where it then stands.
 
+mod fit;
 mod lod;
 mod matrix;
 #[cfg(test)]
@@ -131,29 +132,15 @@ impl CameraSpec {
         for (placement, _) in volumes {
             placement.check()?;
         }
-        let (middle, radius) = sphere(volumes);
+        let (middle, corners) = corners(volumes);
         let center = self.target.unwrap_or(middle);
         let (away, natural_up) = self.direction(first.space);
-        let [w, h] = size.map(f64::from);
-        let half = (self.fov.to_radians() / 2.0).tan();
-        // The shorter side of the picture holds the whole sphere.
-        let fit = (w / h).min(1.0);
-        let distance = match self.lens {
-            Lens::Perspective => radius / (half * fit).atan().sin() / self.zoom,
-            Lens::Orthographic => 2.0 * radius / self.zoom,
-        };
-        let from_center = match self.eye {
-            Some(eye) => sub(eye, center),
-            None => scaled(away, distance),
-        };
-        let distance = length(from_center);
-        if !(distance.is_finite() && distance > 0.0) {
-            return bad(
-                "camera.eye",
-                "the camera stands on what it looks at, or too far away to say in which direction",
-            );
+        let from_eye = self.eye.map(|eye| sub(eye, center));
+        let forward = unit(scaled(from_eye.unwrap_or(away), -1.0));
+        if !(from_eye.is_none_or(|v| length(v).is_finite() && length(v) > 0.0)) {
+            let message = "the camera stands on what it looks at, or too far away to say in which direction";
+            return bad("camera.eye", message);
         }
-        let forward = unit(scaled(from_center, -1.0));
         let wanted_up = match (self.up, self.eye) {
             (Some(up), _) => unit(up),
             (None, None) => natural_up,
@@ -169,13 +156,24 @@ impl CameraSpec {
         let up = cross(right, forward);
         // In a left-handed world the vector product points to the left.
         let right = if first.space == Space::Las { scaled(right, -1.0) } else { right };
+        let axis = self.up.map_or([0.0, 0.0, 1.0], unit);
+        let frame = [right, up, forward];
+        let all: Vec<[f64; 3]> = corners.iter().map(|c| add(*c, sub(middle, center))).collect();
+        let [w, h] = size.map(f64::from);
+        let half = (self.fov.to_radians() / 2.0).tan();
+        let from_center = from_eye.unwrap_or_else(|| {
+            let distance = match self.lens {
+                Lens::Perspective => fit::distance(&all, axis, frame, [half * w / h, half]),
+                Lens::Orthographic => 2.0 * all.iter().map(|c| length(*c)).fold(0.0, f64::max),
+            };
+            scaled(away, distance / self.zoom)
+        });
         let pixel = match (self.lens, self.height) {
             (Lens::Perspective, _) => 2.0 * half / h,
             (Lens::Orthographic, Some(height)) => height / self.zoom / h,
-            (Lens::Orthographic, None) => 2.0 * radius / fit / self.zoom / h,
+            (Lens::Orthographic, None) => fit::height(&all, axis, frame, w / h) / self.zoom / h,
         };
         let eye = self.eye.unwrap_or_else(|| add(center, from_center));
-        let axis = self.up.map_or([0.0, 0.0, 1.0], unit);
         Ok(View { lens: self.lens, eye, right, up, forward, pixel, size, center, from_center, axis })
     }
 
@@ -201,37 +199,41 @@ fn front(space: Space) -> [f64; 3] {
     }
 }
 
-/// Middle of the box around all volumes, and radius of the sphere around their corners, in world units.
+/// Middle of the box around all volumes in world units, and the corners of all of them relative to it.
 ///
 /// Of one volume the middle is exactly where its own middle is computed to be, so that a camera can be placed relative to it
 /// without loss (hard case D-57).
-pub(super) fn sphere(volumes: &[(&Placement, Extent)]) -> ([f64; 3], f64) {
-    let corners = |p: &Placement, e: Extent| -> Vec<[f64; 3]> {
+fn corners(volumes: &[(&Placement, Extent)]) -> ([f64; 3], Vec<[f64; 3]>) {
+    let own = |p: &Placement, e: Extent| -> Vec<[f64; 3]> {
         let n = e.to_array().map(f64::from);
         // Relative to the middle: half the edges.
         let half: [[f64; 3]; 3] = std::array::from_fn(|a| scaled(p.direction(a), n[a] / 2.0));
-        (0..8)
-            .map(|i| (0..3).fold([0.0; 3], |c, a| add(c, scaled(half[a], if i >> a & 1 == 1 { 1.0 } else { -1.0 }))))
-            .collect()
+        let corner =
+            |i: usize| (0..3).fold([0.0; 3], |c, a| add(c, scaled(half[a], if i >> a & 1 == 1 { 1.0 } else { -1.0 })));
+        (0..8).map(corner).collect()
     };
     if let [(placement, extent)] = volumes {
-        let radius = corners(placement, *extent).into_iter().map(length).fold(0.0, f64::max);
-        return (matrix::middle(placement, *extent), radius);
+        return (matrix::middle(placement, *extent), own(placement, *extent));
     }
     let all: Vec<[f64; 3]> =
-        volumes.iter().flat_map(|(p, e)| corners(p, *e).into_iter().map(|c| add(c, matrix::middle(p, *e)))).collect();
+        volumes.iter().flat_map(|(p, e)| own(p, *e).into_iter().map(|c| add(c, matrix::middle(p, *e)))).collect();
     let fold = |f: fn(f64, f64) -> f64, start: f64| -> [f64; 3] {
         std::array::from_fn(|a| all.iter().map(|c| c[a]).fold(start, f))
     };
     let (lo, hi) = (fold(f64::min, f64::INFINITY), fold(f64::max, f64::NEG_INFINITY));
     let middle: [f64; 3] = std::array::from_fn(|a| lo[a] + (hi[a] - lo[a]) / 2.0);
-    (middle, all.iter().map(|c| length(sub(*c, middle))).fold(0.0, f64::max))
+    (middle, all.iter().map(|c| sub(*c, middle)).collect())
+}
+
+/// Radius of the sphere around all volumes, in world units.
+pub(super) fn radius_of_all(volumes: &[(&Placement, Extent)]) -> f64 {
+    corners(volumes).1.into_iter().map(length).fold(0.0, f64::max)
 }
 
 /// Half the diagonal of one volume's box, in world units.
 #[must_use]
 pub fn radius(placement: &Placement, extent: Extent) -> f64 {
-    sphere(&[(placement, extent)]).1
+    radius_of_all(&[(placement, extent)])
 }
 
 /// Largest and smallest spacing of level 0.

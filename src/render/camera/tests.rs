@@ -38,15 +38,22 @@ fn all_of_the_volume_is_seen_from_everywhere() {
                 let spec = CameraSpec { lens, azimuth, elevation, ..CameraSpec::default() };
                 let view = spec.resolve(&p, EXTENT, size).unwrap();
                 is_frame(&view);
-                for i in 0..8 {
-                    let corner: [f64; 3] = std::array::from_fn(|a| {
-                        let n = f64::from(EXTENT.to_array()[a]);
-                        p.matrix[a][3] + p.matrix[a][a] * if i >> a & 1 == 1 { n - 0.5 } else { -0.5 }
-                    });
-                    let [x, y] = on_film(&view, corner);
-                    let [w, h] = size.map(f64::from);
-                    assert!(x > -0.5 && y > -0.5 && x < w - 0.5 && y < h - 0.5, "{lens} {size:?} {x} {y}");
+                let mut fullest = 0.0f64;
+                for turn in 0..12 {
+                    let view = view.turned(f64::from(turn) * std::f64::consts::TAU / 12.0);
+                    for i in 0..8 {
+                        let corner: [f64; 3] = std::array::from_fn(|a| {
+                            let n = f64::from(EXTENT.to_array()[a]);
+                            p.matrix[a][3] + p.matrix[a][a] * if i >> a & 1 == 1 { n - 0.5 } else { -0.5 }
+                        });
+                        let [x, y] = on_film(&view, corner);
+                        let [w, h] = size.map(f64::from);
+                        let (x, y) = ((x + 0.5) / w, (y + 0.5) / h);
+                        assert!(x > 0.0 && y > 0.0 && x < 1.0 && y < 1.0, "{lens} {size:?} {x} {y}");
+                        fullest = fullest.max(x).max(1.0 - x).max(y).max(1.0 - y);
+                    }
                 }
+                assert!(fullest > 0.94, "and no smaller than need be: {fullest}");
             }
         }
     }

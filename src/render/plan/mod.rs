@@ -1,5 +1,6 @@
 //! Plans: a scene and its volumes become exactly the levels, uploads, bindings and passes that the picture needs.
 
+mod cull;
 mod explain;
 mod fetches;
 mod passes;
@@ -117,7 +118,7 @@ fn samples(boxes: &[(&Placement, Extent)], step: f64) -> Result<u32> {
     // The camera's sphere holds the common box; a ray is no longer than its diameter.
     let longest = match boxes {
         [(placement, extent)] => 2.0 * radius(placement, *extent),
-        _ => 2.0 * super::camera::sphere(boxes).1,
+        _ => 2.0 * super::camera::radius_of_all(boxes),
     };
     let samples = (longest / step).ceil() + 1.0;
     if samples > f64::from(MAX_SAMPLES) {

@@ -162,3 +162,38 @@ fn sources_and_samplers_that_do_not_go_together() {
     assert!(matches!(of("sampler = \"linear\"\nsource = \"decoded\""), Ok(Form::Raw(Texel::Uint))));
     assert_eq!(SceneFile::default().source, Source::Direct);
 }
+
+#[test]
+fn bricks_that_no_view_shows_are_not_loaded() {
+    use crate::render::{Backend, Renderer};
+    use std::sync::Arc;
+    // Noise: there is something to see everywhere.
+    let noise =
+        |c: [u32; 3]| (c[0].wrapping_mul(7919) ^ c[1].wrapping_mul(104_729) ^ c[2].wrapping_mul(1_299_709)) as u8;
+    let mut grid = Grid::from_fn(Extent::new(80, 80, 80), noise).unwrap();
+    let v = Arc::new(encoded(&mut grid, 1));
+    for text in [
+        "size = [24, 24]\nlevel = 0\ncamera = { zoom = 6, target = [20, 20, 20] }",
+        "size = [24, 24]\nlevel = 0\ncamera = { eye = [40, 40, 40], target = [80, 40, 40] }",
+        "size = [24, 24]\nlevel = 0\ncamera = { lens = \"orthographic\", height = 20 }",
+        "size = [24, 24]\nlevel = 0\nclip_box = { min = [5, 5, 5], max = [20, 30, 20] }",
+    ] {
+        let s = scene(&v, text);
+        let load = |views| Renderer::for_views(s.clone(), vec![v.clone()], Backend::Cpu, views, &|_, _, _| {}).unwrap();
+        let all = Renderer::new(s.without(Effect::TfCull), vec![v.clone()], Backend::Cpu, &|_, _, _| {}).unwrap();
+        let view = all.plan().view.clone();
+        let culled = load(vec![view.clone()]);
+        let (few, bricks) = (culled.plan().levels[0].wanted.count(), all.plan().levels[0].wanted.count());
+        assert!(few > 0 && few < bricks * 3 / 4, "{text}: {few} of {bricks}");
+        let (a, b) = (culled.picture(&|_, _, _| {}).unwrap(), all.picture(&|_, _, _| {}).unwrap());
+        assert!(a.image == b.image && a.image.pixels.iter().any(|p| p[3] > 0.1), "{text}");
+        // From all sides of a turntable more is needed than from one.
+        let turn = (0..4).map(|i| view.turned(f64::from(i) * 1.57)).collect();
+        assert!(load(turn).plan().levels[0].wanted.count() >= few);
+    }
+    // However far the camera is.
+    let far = scene(&v, "camera = { eye = [40, -1e300, 40], target = [40, 40, 40], fov = 1 }");
+    let mut plan = plan(&v, &far);
+    plan.cull_to(&far, &[plan.view.clone()]).unwrap();
+    assert_eq!(plan.levels[0].wanted.count(), 125, "one pixel holds all of it");
+}

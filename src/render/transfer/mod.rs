@@ -112,7 +112,7 @@ impl TransferFunction {
     /// below `lo`) is taken for all values.
     #[must_use]
     pub fn max_alpha(&self, lo: f64, hi: f64) -> f32 {
-        if !(lo <= hi) {
+        if lo.is_nan() || hi.is_nan() || hi < lo {
             return self.points.iter().map(|p| p.alpha).fold(0.0, f32::max);
         }
         let first = self.points.partition_point(|p| p.value <= lo);

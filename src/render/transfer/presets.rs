@@ -33,7 +33,8 @@ pub enum Preset {
 }
 
 /// Hounsfield units that presets of CT map to the ends of a range that is not in such units.
-const HU_ENDS: (f64, f64) = (-600.0, 900.0);
+/// The lower one is where all of them are clear.
+const HU_ENDS: (f64, f64) = (-850.0, 900.0);
 
 const GREY: &[Row] = &[(0.0, [0.0; 3], 0.0), (1.0, [1.0; 3], 0.8)];
 const CT_BONE: &[Row] = &[

@@ -9,7 +9,6 @@ mod write;
 use crate::cli::args::Render;
 use crate::cli::output::{Verdict, check_no_stdout, write_file};
 use crate::error::{Error, Result};
-use crate::render::camera::View;
 use crate::render::fidelity;
 use crate::render::scene::Scene;
 use crate::source::AtomicFile;
@@ -55,7 +54,7 @@ pub(super) fn run(args: &Render) -> Result<Verdict> {
         explain(args, &session, &mut json)?;
     }
     if let Some((path, kind)) = kind {
-        picture(args, &mut session, path, kind, frames.map(|f| (f, args.turntable.unwrap_or(1))), &mut json)?;
+        picture(args, &mut session, path, kind, frames.map_or(0, |f| f.start), &mut json)?;
     }
     if args.measure {
         measure::measure(args, &mut session, &mut json)?;
@@ -79,20 +78,11 @@ fn explain(args: &Render, session: &Session, json: &mut Value) -> Result<()> {
 }
 
 /// Renders and writes one picture, or those of a turntable.
-fn picture(
-    args: &Render,
-    session: &mut Session,
-    path: &Path,
-    kind: Kind,
-    turn: Option<(std::ops::Range<u32>, u32)>,
-    json: &mut Value,
-) -> Result<()> {
+fn picture(args: &Render, session: &mut Session, path: &Path, kind: Kind, first: u32, json: &mut Value) -> Result<()> {
     let background = session.scene().background;
-    let start = session.view()?;
-    let mut images = Vec::new();
-    let (frames, of) = turn.clone().unwrap_or((0..1, 1));
-    for i in frames.clone() {
-        let image = session.frame(&turned(&start, i, of))?;
+    let (views, mut images) = (session.views(), Vec::new());
+    for (i, view) in (first..).zip(&views) {
+        let image = session.frame(view)?;
         match kind {
             Kind::Png | Kind::Pfm => {
                 let name = write::numbered(path, i);
@@ -114,24 +104,16 @@ fn picture(
     }
     if args.common.json {
         json["output"] = json!(path.to_string_lossy());
-        json["pictures"] = json!(frames.len());
+        json["pictures"] = json!(views.len());
         json["report"] = report;
     } else if !args.common.quiet {
         println!("{}", path.display());
-        print!("{}", summary(session.scene(), &report, frames.len()));
+        print!("{}", summary(session.scene(), &report, views.len()));
         for note in session.notes() {
             eprintln!("note: {note}");
         }
     }
     Ok(())
-}
-
-/// The view of picture `i` of a turntable of `of`.
-fn turned(start: &View, i: u32, of: u32) -> View {
-    match i {
-        0 => start.clone(),
-        _ => start.turned(std::f64::consts::TAU * f64::from(i) / f64::from(of)),
-    }
 }
 
 fn summary(scene: &Scene, report: &Value, pictures: usize) -> String {

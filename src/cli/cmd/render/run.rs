@@ -22,6 +22,7 @@ pub(super) struct Session {
     backend: Backend,
     device: Device,
     renderer: Option<Renderer>,
+    views: Vec<View>,
     times: Vec<PassTimes>,
     notes: Vec<String>,
     bar: ProgressBar,
@@ -35,7 +36,13 @@ impl Session {
         let device = describe(&backend);
         let bar = progress(args.common.quiet || args.common.json, "rendering");
         let (times, renderer, last_ms) = (Vec::new(), None, None);
-        Ok(Session { scene, volumes, backend, device, renderer, times, notes, bar, last_ms })
+        let mut session =
+            Session { scene, volumes, backend, device, renderer, views: Vec::new(), times, notes, bar, last_ms };
+        // All that will be looked at: what none of it shows is not loaded.
+        let (start, of) = (session.view()?, args.turntable.unwrap_or(1));
+        let frames = args.frames.clone().unwrap_or(0..of);
+        session.views = frames.map(|i| turned(&start, i, of)).collect();
+        Ok(session)
     }
 
     /// The same, without one effect.
@@ -46,6 +53,7 @@ impl Session {
             backend: self.backend.clone(),
             device: self.device.clone(),
             renderer: None,
+            views: self.views.clone(),
             times: Vec::new(),
             notes: Vec::new(),
             bar: ProgressBar::hidden(),
@@ -83,13 +91,22 @@ impl Session {
     pub(super) fn plan(&self) -> Result<Plan> {
         match &self.renderer {
             Some(renderer) => Ok(renderer.plan().clone()),
-            None => Plan::new(&self.scene, &self.volumes(), &self.backend.fit()),
+            None => {
+                let mut plan = Plan::new(&self.scene, &self.volumes(), &self.backend.fit())?;
+                plan.cull_to(&self.scene, &self.views)?;
+                Ok(plan)
+            }
         }
     }
 
     /// Where the scene is seen from.
     pub(super) fn view(&self) -> Result<View> {
         Ok(self.plan()?.view)
+    }
+
+    /// What is looked at: one view, or those of the turntable.
+    pub(super) fn views(&self) -> Vec<View> {
+        self.views.clone()
     }
 
     /// Bytes read from files and written to the device.
@@ -109,7 +126,7 @@ impl Session {
         };
         if self.renderer.is_none() {
             let (scene, volumes) = (self.scene.clone(), self.volumes.clone());
-            let renderer = Renderer::new(scene, volumes, self.backend.clone(), &told)?;
+            let renderer = Renderer::for_views(scene, volumes, self.backend.clone(), self.views.clone(), &told)?;
             renderer.loading().iter().for_each(|pass| add(&mut self.times, pass));
             self.renderer = Some(renderer);
         }
@@ -130,6 +147,14 @@ fn add(times: &mut Vec<PassTimes>, pass: &PassTime) {
     match times.iter_mut().find(|t| t.name == pass.name) {
         Some(times) => times.ms.push(pass.milliseconds),
         None => times.push(PassTimes { name: pass.name.clone(), ms: vec![pass.milliseconds] }),
+    }
+}
+
+/// The view of picture `i` of a turntable of `of`.
+fn turned(start: &View, i: u32, of: u32) -> View {
+    match i {
+        0 => start.clone(),
+        _ => start.turned(std::f64::consts::TAU * f64::from(i) / f64::from(of)),
     }
 }
 
