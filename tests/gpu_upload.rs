@@ -117,8 +117,8 @@ fn streams_lie_whole_in_pages() {
     assert!(pages.len() > 1 && pages.iter().all(|p| p.len() <= 6000 && p.len() % 4 == 0));
     let table = gpu().read_buffer(&level.tables.as_ref().unwrap()[0]).unwrap();
     let words: Vec<u32> = table.chunks_exact(4).map(|b| u32::from_le_bytes(b.try_into().unwrap())).collect();
-    let (mut total, [nx, ny, _]) = (0, level.layout.bricks);
-    for (i, entry) in (0..).zip(words.chunks_exact(TABLE_WORDS as usize)) {
+    let (mut total, [nx, ny, nz]) = (0, level.layout.bricks);
+    for (i, entry) in (0..nx * ny * nz).zip(words.chunks_exact(TABLE_WORDS as usize)) {
         let brick = [i % nx, i / nx % ny, i / nx / ny];
         if let BrickPayload::Stored { bytes, .. } = volume.brick_payload(At::default(), brick).unwrap() {
             let from = entry[1] as usize * 4;
@@ -237,7 +237,10 @@ fn bricks_are_added_to_those_that_are_there() {
             assert!(more[0].bricks > 0 && more[1].bricks > more[0].bricks);
             // In the end all is there once.
             let all = host(&volume, layout);
-            assert_eq!((level.filled.payload_bytes, level.filled.bricks), (all.filled.payload_bytes, all.filled.bricks));
+            assert_eq!(
+                (level.filled.payload_bytes, level.filled.bricks),
+                (all.filled.payload_bytes, all.filled.bricks)
+            );
             assert!(memory.textures == all.textures);
             for (texture, expected) in level.textures.iter().zip(&all.textures) {
                 assert!(gpu().read_texture(texture).unwrap() == *expected);

@@ -17,6 +17,16 @@ fn forms() -> Vec<VolumeKey> {
         }
     }
     all.push(VolumeKey { form: Form::Raw(Texel::Uint), colour: true, folded: false });
+    for (pages, new, wide, signed, colour) in [
+        (1, true, false, false, false),
+        (1, false, false, false, false),
+        (3, true, true, false, false),
+        (16, false, true, true, false),
+        (0, true, false, false, true),
+        (2, false, false, false, true),
+    ] {
+        all.push(VolumeKey { form: Form::Zerobit { pages, new, wide, signed }, colour, folded: false });
+    }
     all
 }
 
@@ -51,6 +61,16 @@ fn keys() -> Vec<PipelineKey> {
                         ..base(form)
                     });
                 }
+            }
+        }
+    }
+    for form in forms() {
+        for traversal in [Traversal::Slice, Traversal::CutPlane] {
+            for (sampler, lens) in [(Sampler::Linear, Lens::Perspective), (Sampler::Nearest, Lens::Orthographic)] {
+                let effects = Effects::all_sets().last().unwrap();
+                add(PipelineKey { traversal, sampler, lens, effects, volumes: vec![form; 2], ..base(form) });
+                add(PipelineKey { traversal, sampler, lens, volumes: vec![form; 3], ..base(form) });
+                add(PipelineKey { traversal, sampler, lens, ..base(form) });
             }
         }
     }

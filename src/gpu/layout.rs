@@ -167,6 +167,9 @@ gpu_struct! {
         /// The first invocation of this dispatch.
         first: [u32; 3] = "vec3u",
         pad1: u32 = "u32",
+        /// The last voxel along each axis (zerobit).
+        last: [i32; 3] = "vec3i",
+        pad7: u32 = "u32",
         /// Bricks of a tile (folded levels).
         fold_tile: [u32; 3] = "vec3u",
         pad2: u32 = "u32",

@@ -1,7 +1,8 @@
 //! Pipelines of pictures, made when they are first needed, and the few last used ones kept.
 
 use super::device::Gpu;
-use super::key::{PipelineKey, Texel};
+use super::key::{PipelineKey, Texel, Traversal};
+use super::pass::slice;
 use super::shader::{Binding, BindingKind};
 use crate::error::Result;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -9,11 +10,20 @@ use std::sync::{Arc, Mutex, PoisonError};
 /// Pipelines that are kept.
 const KEPT: usize = 32;
 
+/// A pipeline.
+#[derive(Debug)]
+pub enum Pipeline {
+    /// Of rays and cutting planes.
+    Compute(wgpu::ComputePipeline),
+    /// Of slices.
+    Slices(wgpu::RenderPipeline),
+}
+
 /// A pipeline and the layouts of its bind groups.
 #[derive(Debug)]
 pub struct Compiled {
     /// The pipeline.
-    pub pipeline: wgpu::ComputePipeline,
+    pub pipeline: Pipeline,
     /// Layouts of the bind groups, in order.
     pub groups: Vec<wgpu::BindGroupLayout>,
 }
@@ -99,7 +109,11 @@ fn kind(kind: BindingKind) -> wgpu::BindingType {
 
 fn compile(gpu: &Gpu, key: &PipelineKey, constants: &[(String, f64)]) -> Result<Compiled> {
     let text = key.wgsl();
-    let groups = group_layouts(gpu, &key.bindings(), wgpu::ShaderStages::COMPUTE);
+    let stages = match key.traversal {
+        Traversal::Slice => wgpu::ShaderStages::FRAGMENT,
+        Traversal::Raycast | Traversal::CutPlane => wgpu::ShaderStages::COMPUTE,
+    };
+    let groups = group_layouts(gpu, &key.bindings(), stages);
     let constants: Vec<(&str, f64)> = constants.iter().map(|(n, v)| (n.as_str(), *v)).collect();
     let pipeline = gpu.checked(|| {
         let module = gpu.device.create_shader_module(wgpu::ShaderModuleDescriptor {
@@ -111,14 +125,17 @@ fn compile(gpu: &Gpu, key: &PipelineKey, constants: &[(String, f64)]) -> Result<
             bind_group_layouts: &groups.iter().map(Some).collect::<Vec<_>>(),
             immediate_size: 0,
         });
-        gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+        if key.traversal == Traversal::Slice {
+            return Pipeline::Slices(slice::pipeline(gpu, &module, &layout, key.entry(), &constants));
+        }
+        Pipeline::Compute(gpu.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
             label: Some(key.entry()),
             layout: Some(&layout),
             module: &module,
             entry_point: Some(key.entry()),
             compilation_options: wgpu::PipelineCompilationOptions { constants: &constants, ..Default::default() },
             cache: None,
-        })
+        }))
     })?;
     Ok(Compiled { pipeline, groups })
 }

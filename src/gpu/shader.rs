@@ -13,8 +13,9 @@ macro_rules! files {
 }
 
 files! {
-        "camera", "fold", "gradient", "gradient_reuse", "iso", "opacity", "raycast", "sample_hw_linear", "sample_linear",
-    "decode", "sample_linear_opt", "sample_nearest", "shade", "skip", "source_raw", "source_s3dc", "transfer",
+    "camera", "cut_plane", "decode", "fold", "gradient", "gradient_reuse", "iso", "opacity", "raycast", "sample_hw_linear",
+    "sample_linear", "sample_linear_opt", "sample_nearest", "shade", "skip", "slice", "source_raw", "source_s3dc",
+    "source_zerobit", "transfer",
 }
 
 /// The text of a file of [`FILES`].
@@ -55,6 +56,15 @@ pub struct Binding {
 /// First binding of zerobit streams.
 pub const PAGE_BINDING: u32 = 5;
 
+/// Variables of zerobit streams: as many buffers as a level can have.
+const PAGES: [&str; 16] = [
+    "page0", "page1", "page2", "page3", "page4", "page5", "page6", "page7", "page8", "page9", "page10", "page11",
+    "page12", "page13", "page14", "page15",
+];
+
+/// Most storage buffers of streams of a level.
+pub const MAX_PAGES: u32 = PAGES.len() as u32;
+
 impl PipelineKey {
     /// Checks that the parts go together.
     ///
@@ -71,10 +81,19 @@ impl PipelineKey {
         if self.traversal == Traversal::Slice && self.projection != Projection::Composite {
             return bad("traversal", "slices are blended: their projection is composite");
         }
+        if self.traversal == Traversal::CutPlane && self.projection != Projection::Composite {
+            return bad("traversal", "a cutting plane has one sample per pixel: its projection is composite");
+        }
         if self.effects.has(Effect::TimeInterp) && (self.volumes.len() != 2 || self.volumes[0] != self.volumes[1]) {
             return bad("time", "between time steps there is one volume, at two steps");
         }
         for v in &self.volumes {
+            if matches!(v.form, Form::Zerobit { pages, .. } if pages > MAX_PAGES) {
+                return bad(
+                    "source",
+                    "the streams of this level take too many buffers: take a coarser level, or source = \"decoded\"",
+                );
+            }
             match self.sampler {
                 Sampler::HwLinear if !matches!(v.form, Form::Raw(Texel::Float)) => {
                     return bad(
@@ -138,7 +157,9 @@ impl PipelineKey {
     }
 
     fn shades(&self) -> bool {
-        self.effects.has(Effect::GradientShading) && matches!(self.projection, Projection::Composite | Projection::Iso)
+        self.effects.has(Effect::GradientShading)
+            && self.traversal != Traversal::CutPlane
+            && matches!(self.projection, Projection::Composite | Projection::Iso)
     }
 
     fn skips(&self) -> bool {
@@ -280,8 +301,8 @@ impl PipelineKey {
                 Form::Zerobit { pages, .. } => {
                     add(1, "table", BindingKind::Read);
                     add(2, "books", BindingKind::Read);
-                    for page in 0..pages {
-                        add(PAGE_BINDING + page, "page", BindingKind::Read);
+                    for (binding, page) in (PAGE_BINDING..).zip(PAGES).take(pages as usize) {
+                        add(binding, page, BindingKind::Read);
                     }
                 }
             }
@@ -323,8 +344,20 @@ impl VolumeKey {
                 (Texel::Uint, false)
             }
         };
+        let (pages, least, most) = match self.form {
+            Form::Zerobit { pages, signed: true, .. } => (pages, "-32768", "32767"),
+            Form::Zerobit { pages, wide: true, .. } => (pages, "0", "65535"),
+            Form::Zerobit { pages, .. } => (pages, "0", "255"),
+            _ => (0, "0", "255"),
+        };
+        let int = if self.colour { "vec3i" } else { "i32" };
         flag("float", float);
         let words = vec![
+            ("STREAMS_V", streams(pages)),
+            ("PAGE_WORD_V", page_word(pages)),
+            ("INT_V", int.to_owned()),
+            ("LEAST_V", format!("{int}({least})")),
+            ("MOST_V", format!("{int}({most})")),
             ("VALUE_V", if self.colour { "vec3f" } else { "f32" }.to_owned()),
             ("TEXEL_V", texel.wgsl().to_owned()),
             ("SWIZZLE_V", if self.colour { "xyz" } else { "x" }.to_owned()),
@@ -332,4 +365,23 @@ impl VolumeKey {
         ];
         (flags, words)
     }
+}
+
+/// Declares the storage buffers of zerobit streams.
+fn streams(pages: u32) -> String {
+    let one = |(binding, name): (u32, &str)| {
+        format!("@group(GROUP_V) @binding({binding}) var<storage, read> {name}_V: array<u32>;\n")
+    };
+    (PAGE_BINDING..).zip(PAGES).take(pages as usize).map(one).collect()
+}
+
+/// Reads word `w` of the page of payload `s`: buffers cannot be numbered in WGSL.
+fn page_word(pages: u32) -> String {
+    let read = |name: &str| format!("return {name}_V[w];");
+    if pages < 2 {
+        return PAGES.iter().take(pages as usize).map(|name| read(name)).next().unwrap_or_else(|| "return 0u;".into());
+    }
+    let case = |(page, name): (u32, &&str)| format!("case {page}u: {{ {} }}\n", read(name));
+    let cases: String = (0..).zip(&PAGES[..pages as usize]).map(case).collect();
+    format!("switch s.page {{\n{cases}default: {{ return 0u; }}\n}}\nreturn 0u;")
 }

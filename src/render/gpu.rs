@@ -12,7 +12,8 @@ use crate::gpu::key::Form;
 use crate::gpu::layout;
 use crate::gpu::level::Filled;
 use crate::gpu::pass::decode::DecodePass;
-use crate::gpu::pipeline::{Compiled, Pipelines};
+use crate::gpu::pass::slice::SliceTarget;
+use crate::gpu::pipeline::{Compiled, Pipeline, Pipelines};
 use crate::gpu::shader::{BindingKind, PAGE_BINDING};
 use crate::gpu::{Gpu, GpuLevel, PipelineKey};
 use crate::volume::Volume;
@@ -77,6 +78,24 @@ impl GpuScene {
         Ok(scene)
     }
 
+    /// Uploads what a plan of the same levels names and is not there.
+    ///
+    /// # Errors
+    /// Those of [`GpuLevel::add`]; the scene is not to be used then.
+    pub fn add(&mut self, plan: &Plan, volumes: &[Arc<Volume>], progress: Progress<'_>) -> Result<()> {
+        for (resident, planned) in self.levels.iter_mut().zip(&plan.levels) {
+            let wanted = |brick| planned.wanted.has(brick);
+            let mut told = |done, of| progress("upload", done, of);
+            let added = resident.level.add(&self.gpu, &volumes[planned.volume], &wanted, &mut told)?;
+            if resident.decoded.is_some() && added.bytes() > 0 {
+                let pass = DecodePass::new(&self.gpu, &resident.level)?;
+                pass.run(&self.gpu)?;
+                resident.decoded = Some(pass);
+            }
+        }
+        self.show(plan)
+    }
+
     /// Takes over which bricks can be seen.
     ///
     /// # Errors
@@ -114,9 +133,10 @@ impl GpuScene {
         let gpu = &*self.gpu;
         let key = self.key(plan);
         let compiled = self.pipelines.get(gpu, &key, &overrides(plan, scene))?;
-        let frame: mirror::Frame<f32> = frame(plan, scene, view);
-        for (resident, planned) in self.levels.iter().zip(&plan.levels) {
-            let params = Lies::of(planned, view, plan.step)?.params(planned, &scene.volumes[planned.volume].transfer);
+        let lies = Lies::all(plan, view)?;
+        let frame: mirror::Frame<f32> = frame(plan, scene, view, &lies);
+        for ((resident, planned), lies) in self.levels.iter().zip(&plan.levels).zip(&lies) {
+            let params = lies.params(planned, &scene.volumes[planned.volume].transfer);
             gpu.queue.write_buffer(&resident.params, 0, bytemuck::bytes_of(&params));
         }
         let [width, height] = view.size;
@@ -124,8 +144,13 @@ impl GpuScene {
             u32::try_from(gpu.limits.max_storage_buffer_binding_size / (16 * u64::from(width))).unwrap_or(u32::MAX);
         let rows = (BAND_PIXELS / width).clamp(8, most.max(1)).min(height);
         let uniform = buffer(gpu, size_of::<layout::Frame>(), wgpu::BufferUsages::UNIFORM);
-        let target = buffer(gpu, width as usize * rows as usize * 16, wgpu::BufferUsages::STORAGE);
-        let groups = self.groups(&key, &compiled, &uniform, &target)?;
+        let target = match compiled.pipeline {
+            Pipeline::Compute(_) => {
+                Target::Buffer(buffer(gpu, width as usize * rows as usize * 16, wgpu::BufferUsages::STORAGE))
+            }
+            Pipeline::Slices(_) => Target::Slices(SliceTarget::new(gpu, width, rows)?),
+        };
+        let groups = self.groups(&key, &compiled, &uniform, target.buffer())?;
         let timer = Timer::new(gpu);
         let mut pixels = Vec::with_capacity(width as usize * height as usize);
         let mut time = PassTime { name: key.entry().to_owned(), milliseconds: 0.0, by_device: timer.is_some() };
@@ -134,16 +159,23 @@ impl GpuScene {
             gpu.queue.write_buffer(&uniform, 0, bytemuck::bytes_of(&frame_bytes(&frame, first, count)));
             let started = Instant::now();
             let mut encoder = gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
-            {
-                let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
-                    label: Some(key.entry()),
-                    timestamp_writes: timer.as_ref().map(Timer::writes),
-                });
-                pass.set_pipeline(&compiled.pipeline);
-                for (i, group) in groups.iter().enumerate() {
-                    pass.set_bind_group(i as u32, group, &[]);
+            match (&compiled.pipeline, &target) {
+                (Pipeline::Slices(pipeline), Target::Slices(target)) => {
+                    let writes = timer.as_ref().map(Timer::render_writes);
+                    target.record(&mut encoder, pipeline, &groups, frame.samples, writes);
                 }
-                pass.dispatch_workgroups(width.div_ceil(8), count.div_ceil(8), 1);
+                (Pipeline::Compute(pipeline), _) => {
+                    let mut pass = encoder.begin_compute_pass(&wgpu::ComputePassDescriptor {
+                        label: Some(key.entry()),
+                        timestamp_writes: timer.as_ref().map(Timer::writes),
+                    });
+                    pass.set_pipeline(pipeline);
+                    for (i, group) in groups.iter().enumerate() {
+                        pass.set_bind_group(i as u32, group, &[]);
+                    }
+                    pass.dispatch_workgroups(width.div_ceil(8), count.div_ceil(8), 1);
+                }
+                (Pipeline::Slices(_), Target::Buffer(_)) => unreachable!("slices have a target of their own"),
             }
             if let Some(timer) = &timer {
                 timer.resolve(&mut encoder);
@@ -154,9 +186,11 @@ impl GpuScene {
                 Some(timer) => timer.milliseconds(gpu)?,
                 None => started.elapsed().as_secs_f64() * 1e3,
             };
-            let bytes = gpu.read_buffer(&target)?;
-            let floats: &[[f32; 4]] = bytemuck::cast_slice(&bytes);
-            pixels.extend_from_slice(&floats[..width as usize * count as usize]);
+            let band = match &target {
+                Target::Buffer(buffer) => bytemuck::pod_collect_to_vec(&gpu.read_buffer(buffer)?),
+                Target::Slices(target) => target.read(gpu)?,
+            };
+            pixels.extend_from_slice(&band[..width as usize * count as usize]);
             progress("render", (first + count).into(), height.into());
         }
         Ok((Image { width, height, pixels }, vec![time]))
@@ -178,7 +212,7 @@ impl GpuScene {
         key: &PipelineKey,
         compiled: &Compiled,
         frame: &wgpu::Buffer,
-        picture: &wgpu::Buffer,
+        picture: Option<&wgpu::Buffer>,
     ) -> Result<Vec<wgpu::BindGroup>> {
         let gpu = &*self.gpu;
         let bindings = key.bindings();
@@ -198,7 +232,7 @@ impl GpuScene {
                     resource: match (b.name, view, resident) {
                         (_, Some(view), _) => wgpu::BindingResource::TextureView(view),
                         ("frame", ..) => frame.as_entire_binding(),
-                        ("picture", ..) => picture.as_entire_binding(),
+                        ("picture", ..) => picture.expect("slices have no such binding").as_entire_binding(),
                         ("filter", ..) => wgpu::BindingResource::Sampler(filter.as_ref().expect("made above")),
                         (name, _, Some(resident)) => resident.buffer(name, b.binding).as_entire_binding(),
                         (name, ..) => unreachable!("no binding {name} in the frame's group"),
@@ -209,6 +243,21 @@ impl GpuScene {
             gpu.checked(|| gpu.device.create_bind_group(&wanted))
         });
         made.collect()
+    }
+}
+
+/// Where pixels go.
+enum Target {
+    Buffer(wgpu::Buffer),
+    Slices(SliceTarget),
+}
+
+impl Target {
+    const fn buffer(&self) -> Option<&wgpu::Buffer> {
+        match self {
+            Target::Buffer(buffer) => Some(buffer),
+            Target::Slices(_) => None,
+        }
     }
 }
 
@@ -233,7 +282,7 @@ impl Resident {
         match (name, &self.level.tables) {
             ("table", Some([table, _])) => table,
             ("books", Some([_, books])) => books,
-            ("page", _) => &self.level.pages[(binding - PAGE_BINDING) as usize],
+            (name, _) if name.starts_with("page") => &self.level.pages[(binding - PAGE_BINDING) as usize],
             _ => &self.params,
         }
     }
@@ -300,6 +349,14 @@ impl Timer {
 
     fn writes(&self) -> wgpu::ComputePassTimestampWrites<'_> {
         wgpu::ComputePassTimestampWrites {
+            query_set: &self.set,
+            beginning_of_pass_write_index: Some(0),
+            end_of_pass_write_index: Some(1),
+        }
+    }
+
+    fn render_writes(&self) -> wgpu::RenderPassTimestampWrites<'_> {
+        wgpu::RenderPassTimestampWrites {
             query_set: &self.set,
             beginning_of_pass_write_index: Some(0),
             end_of_pass_write_index: Some(1),

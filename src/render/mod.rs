@@ -31,7 +31,7 @@ use crate::gpu::pipeline::Pipelines;
 use crate::volume::Volume;
 use camera::View;
 use mirror::{Real, Work};
-use plan::Plan;
+use plan::{Plan, PlannedLevel};
 use scene::Scene;
 use serde::Serialize;
 use std::sync::Arc;
@@ -194,7 +194,8 @@ impl Renderer {
 
     fn by_cpu<R: Real>(&self, levels: &[HostLevel], view: &View, progress: Progress<'_>) -> Result<Rendered> {
         let started = Instant::now();
-        let frame = setup::frame::<R>(&self.plan, &self.scene, view);
+        let lies = setup::Lies::all(&self.plan, view)?;
+        let frame = setup::frame::<R>(&self.plan, &self.scene, view, &lies);
         let skips = self.plan.key.bindings().iter().any(|b| b.name == "visible");
         let masks: Vec<Vec<u8>> = self
             .plan
@@ -208,11 +209,11 @@ impl Renderer {
             .iter()
             .zip(levels)
             .zip(&masks)
-            .map(|((planned, level), mask)| {
-                let transfer = &self.scene.volumes[planned.volume].transfer;
-                Ok(setup::Lies::of(planned, view, self.plan.step)?.volume::<R>(level, mask, transfer))
+            .zip(&lies)
+            .map(|(((planned, level), mask), lies)| {
+                lies.volume::<R>(level, mask, &self.scene.volumes[planned.volume].transfer)
             })
-            .collect::<Result<Vec<_>>>()?;
+            .collect::<Vec<_>>();
         let groups: Vec<&[mirror::Volume<'_, R>]> = match self.plan.key.shown() == volumes.len() {
             true => volumes.chunks(1).collect(),
             false => vec![&volumes],
@@ -232,9 +233,28 @@ impl Renderer {
         scene.volumes[volume].transfer = transfer;
         let refs: Vec<&Volume> = self.volumes.iter().map(|v| &**v).collect();
         let plan = Plan::new(&scene, &refs, &self.backend.fit())?;
+        let same = |(a, b): (&PlannedLevel, &PlannedLevel)| a.volume == b.volume && a.layout == b.layout;
+        let stays = self.plan.levels.len() == plan.levels.len() && self.plan.levels.iter().zip(&plan.levels).all(same);
         (self.scene, self.plan) = (scene, plan);
+        // Where there is no room for more besides, all is loaded anew.
+        if stays && self.add(progress).is_ok() {
+            return Ok(());
+        }
         let (loaded, loading) = load(&self.plan, &self.volumes, &self.backend, &self.pipelines, progress)?;
         (self.loaded, self.loading) = (loaded, loading);
+        Ok(())
+    }
+
+    /// Loads what the plan wants and is not there.
+    fn add(&mut self, progress: Progress<'_>) -> Result<()> {
+        let levels = match &mut self.loaded {
+            Loaded::Gpu(scene) => return scene.add(&self.plan, &self.volumes, progress),
+            Loaded::Host(levels) => levels,
+        };
+        for (level, planned) in levels.iter_mut().zip(&self.plan.levels) {
+            let wanted = |brick| planned.wanted.has(brick);
+            level.add(&self.volumes[planned.volume], &wanted, &mut |done, of| progress("load", done, of))?;
+        }
         Ok(())
     }
 }

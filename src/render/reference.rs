@@ -1,7 +1,7 @@
 //! The picture by the CPU: the mirror over all pixels, rows side by side.
 
 use super::image::Image;
-use super::mirror::{Counter, Frame, Real, Volume, Work, ray_of, trace};
+use super::mirror::{Counter, Frame, Real, Volume, Work, pixel, ray_of};
 use rayon::prelude::*;
 
 /// Renders all pixels; the result does not depend on the number of threads. `progress` is told rows done, of how many.
@@ -17,7 +17,7 @@ pub fn picture<R: Real, C: Counter + Into<Work>>(
             let mut n = C::default();
             #[allow(clippy::cast_possible_truncation, reason = "pictures are kept in f32")]
             let row = (0..frame.width)
-                .map(|x| trace(frame, volumes, &ray_of(frame, x, y), &mut n).map(|v| v.to_f64() as f32));
+                .map(|x| pixel(frame, volumes, &ray_of(frame, x, y), &mut n).map(|v| v.to_f64() as f32));
             let row = row.collect();
             progress(done.fetch_add(1, std::sync::atomic::Ordering::Relaxed) + 1, frame.height.into());
             (row, n.into())

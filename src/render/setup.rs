@@ -19,6 +19,10 @@ fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
+fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
 fn along(a: [f64; 3], t: f64, b: [f64; 3]) -> [f64; 3] {
     std::array::from_fn(|i| a[i] + t * b[i])
 }
@@ -31,10 +35,14 @@ fn spread(view: &View) -> f64 {
     }
 }
 
-/// The frame of a picture.
+/// The frame of a picture; `lies` are the plan's levels, seen from there.
 #[must_use]
-pub fn frame<R: Real>(plan: &Plan, scene: &Scene, view: &View) -> mirror::Frame<R> {
+pub fn frame<R: Real>(plan: &Plan, scene: &Scene, view: &View, lies: &[Lies]) -> mirror::Frame<R> {
     let r = R::of;
+    let (nearest, samples) = match plan.key.traversal {
+        Traversal::Slice => slabs(plan, view, lies),
+        Traversal::Raycast | Traversal::CutPlane => (-ahead(view), plan.samples),
+    };
     let (depth, spread) = (ahead(view), spread(view));
     let from_centre = |p: [f64; 3]| along(p, -1.0, view.center);
     let shading = scene.shading.unwrap_or_default();
@@ -48,16 +56,17 @@ pub fn frame<R: Real>(plan: &Plan, scene: &Scene, view: &View) -> mirror::Frame<
     });
     mirror::Frame {
         lens: view.lens,
+        traversal: plan.key.traversal,
         projection: plan.key.projection,
         sampler: plan.key.sampler,
         gradient: plan.key.gradient,
         effects: plan.key.effects,
         width: view.size[0],
         height: view.size[1],
-        samples: plan.samples,
+        samples,
         film: view.film(0.0, 0.0).map(r),
         pixel: r(view.pixel),
-        nearest: r(-depth),
+        nearest: r(nearest),
         step: r(plan.step),
         enough: r(1.0 - scene.early_out.unwrap_or(0.0)),
         iso: r(scene.iso.unwrap_or(0.0)),
@@ -78,6 +87,20 @@ pub fn frame<R: Real>(plan: &Plan, scene: &Scene, view: &View) -> mirror::Frame<
     }
 }
 
+/// Where the first slab of slices begins (t of the ray of the middle of the film), and how many it takes to the far end of all
+/// volumes.
+fn slabs(plan: &Plan, view: &View, lies: &[Lies]) -> (f64, u32) {
+    let (near, far) = lies
+        .iter()
+        .map(Lies::depths)
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |all, [near, far]| (all.0.min(near), all.1.max(far)));
+    let near = near.max(-ahead(view));
+    // Rounding may put the far end behind the last slab.
+    let count = ((far - near) / plan.step + 1e-6).ceil();
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturating is what is meant")]
+    (near, (count as u32).min(plan.samples.saturating_add(1)))
+}
+
 /// The camera, box and gradient of a volume in index coordinates of a level.
 #[derive(Clone, Copy, Debug)]
 pub struct Lies {
@@ -94,6 +117,26 @@ pub struct Lies {
 }
 
 impl Lies {
+    /// Of all levels of a plan.
+    ///
+    /// # Errors
+    /// Those of [`Lies::of`].
+    pub fn all(plan: &Plan, view: &View) -> Result<Vec<Lies>> {
+        plan.levels.iter().map(|level| Lies::of(level, view, plan.step)).collect()
+    }
+
+    /// Between which depths the box lies: world lengths along the viewing direction, from where rays start.
+    fn depths(&self) -> [f64; 2] {
+        // The part of a corner along `forward`, of forward, right and up.
+        let sideways = cross(self.right, self.up);
+        let unit = dot(self.forward, sideways);
+        let corners = (0..8u32).map(|i| {
+            let corner = std::array::from_fn(|a| if i >> a & 1 == 1 { self.box_hi[a] } else { -0.5 });
+            dot(along(corner, -1.0, self.base), sideways) / unit
+        });
+        corners.fold([f64::INFINITY, f64::NEG_INFINITY], |[near, far], z| [near.min(z), far.max(z)])
+    }
+
     /// Of a level seen from `view`, with samples `step` world units apart.
     ///
     /// # Errors

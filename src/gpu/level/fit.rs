@@ -4,6 +4,7 @@ use super::{LevelLayout, Wish};
 use crate::codec::{Codec, s3dc};
 use crate::error::{Code, Error, Result};
 use crate::gpu::key::Source;
+use crate::gpu::shader::MAX_PAGES;
 use crate::volume::{At, LevelCodec, Volume};
 
 /// Largest page of zerobit streams, in bytes: what every WebGPU device can bind.
@@ -66,7 +67,8 @@ impl Fit {
     /// Most pages of streams: a shader needs buffers for the brick table, the codebooks and two of its own besides.
     #[must_use]
     pub const fn pages(&self) -> u32 {
-        self.storage_buffers.saturating_sub(4)
+        let most = self.storage_buffers.saturating_sub(4);
+        if most > MAX_PAGES { MAX_PAGES } else { most }
     }
 }
 

@@ -8,8 +8,8 @@ use crate::volume::Volume;
 /// A level in memory.
 ///
 /// Of zerobit levels, [`HostLevel::table`] has four words per brick (x fastest): 0 or 1 and, in the fourth, the raw value of
-/// every voxel; or 2 + page, first word in the page, bytes of the payload, number of its codebook. [`HostLevel::books`] has
-/// 512 words per codebook: 256 averages, then 256 details; of scalars as i32, of rgb8 three bytes from the lowest on.
+/// every voxel; or 2 + page, first word in the page, bytes of the payload, number of its codebook. Four more behind them are
+/// those of an EMPTY brick: the value of null cells. [`HostLevel::books`] has 512 words per codebook: 256 averages, then 256 details; of scalars as i32, of rgb8 three bytes from the lowest on.
 #[derive(Clone, Debug)]
 pub struct HostLevel {
     /// How it lies.

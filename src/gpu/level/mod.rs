@@ -140,7 +140,7 @@ pub struct PageLayout {
     pub pages: u32,
     /// Bytes of all payloads, as far as the index tells: exact where no brick is compressed once more by zstd.
     pub stream_bytes: u64,
-    /// Bytes of the brick table, [`TABLE_WORDS`] words per brick.
+    /// Bytes of the brick table, [`TABLE_WORDS`] words per brick and as many behind them for null cells.
     pub table_bytes: u64,
     /// Bytes of the codebooks, [`BOOK_WORDS`] words each.
     pub book_bytes: u64,
@@ -301,7 +301,7 @@ impl LevelLayout {
                 page_bytes: fit.page_bytes(),
                 pages: fit.pages(),
                 stream_bytes: stored,
-                table_bytes: level.bricks.voxels() * u64::from(TABLE_WORDS) * 4,
+                table_bytes: (level.bricks.voxels() + 1) * u64::from(TABLE_WORDS) * 4,
                 book_bytes: volume.codebooks()?.len() as u64 * u64::from(BOOK_WORDS) * 4,
             }),
             _ => None,

@@ -20,10 +20,11 @@ pub(super) struct Pager {
 impl Pager {
     /// Goes on behind the pages that are there.
     pub(super) fn new(layout: &LevelLayout, pages: PageLayout, null: SampleValue, resident: &Resident) -> Pager {
+        let bricks: usize = layout.bricks.iter().map(|&n| n as usize).product();
         let table = match resident.table.is_empty() {
             false => resident.table.clone(),
-            // Bricks that nobody wants read as EMPTY.
-            true => [TABLE_EMPTY, 0, 0, null.to_raw()].repeat(layout.bricks.iter().map(|&n| n as usize).product()),
+            // Bricks that nobody wants read as EMPTY; null cells of all others as the entry behind the last.
+            true => [TABLE_EMPTY, 0, 0, null.to_raw()].repeat(bricks + 1),
         };
         Pager { pages, page: Vec::new(), written: resident.pages, table }
     }

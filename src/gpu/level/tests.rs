@@ -243,8 +243,9 @@ fn zerobit_payloads_lie_in_pages() {
         assert!(level.pages.iter().all(|p| p.len() as u64 * 4 <= pages.page_bytes));
         assert_eq!(level.pages.len() > 1, fit == small);
         let (mut total, mut stored) = (0, 0);
-        for (i, entry) in level.table.chunks_exact(TABLE_WORDS as usize).enumerate() {
-            let i = i as u32;
+        let bricks = level.layout.bricks.iter().product::<u32>();
+        assert_eq!(level.table[4 * bricks as usize..], [TABLE_EMPTY, 0, 0, 0]);
+        for (i, entry) in (0..bricks).zip(level.table.chunks_exact(TABLE_WORDS as usize)) {
             let [nx, ny, _] = level.layout.bricks;
             let brick = [i % nx, i / nx % ny, i / nx / ny];
             match volume.brick_payload(At::default(), brick).unwrap() {

@@ -331,6 +331,7 @@ fn params(layout: &LevelLayout, first: [u32; 3]) -> DecodeParams {
     DecodeParams {
         extent: layout.extent.to_array(),
         first,
+        last: layout.extent.to_array().map(|n| i32::try_from(n).unwrap_or(i32::MAX) - 1),
         fold_tile: layout.fold.tile,
         fold_tiles: layout.fold.tiles,
         fold_grid: layout.fold.grid,

@@ -3,6 +3,7 @@
 
 mod camera;
 pub mod counter;
+mod cut_plane;
 mod gradient;
 mod gradient_reuse;
 mod iso;
@@ -12,26 +13,30 @@ pub mod real;
 mod sample;
 mod shade;
 mod skip;
+mod slice;
 mod source_raw;
 mod source_s3dc;
-
+pub mod source_zerobit;
 mod transfer;
 
 pub use camera::{Ray, clip_ray, direction_of, origin_of, ray_of};
 pub use counter::{Counter, Free, Work};
+pub use cut_plane::cut;
 pub use raycast::trace;
 pub use real::{Real, V3};
 pub use sample::{base_of, lerp, sample};
+pub use slice::slices;
 pub use transfer::{Point, classify, grey, points_top};
 
 use crate::gpu::level::HostLevel;
-use crate::gpu::{Effects, Lens, Projection, Sampler, key::Gradient};
+use crate::gpu::{Effects, Lens, Projection, Sampler, Traversal, key::Gradient};
 
 /// What a picture is made with: `Frame` of the shaders, and what is constant in them.
 #[derive(Clone, Debug)]
 #[allow(missing_docs, reason = "told in gpu::layout::Frame and gpu::PipelineKey")]
 pub struct Frame<R> {
     pub lens: Lens,
+    pub traversal: Traversal,
     pub projection: Projection,
     pub sampler: Sampler,
     pub gradient: Gradient,
@@ -117,13 +122,27 @@ fn index<R: Real>(v: R) -> i32 {
     v.to_f64() as i32
 }
 
+/// The colour of a pixel: premultiplied red, green, blue, opacity. `volumes` are those that are seen, each one volume or a volume at
+/// two time steps.
+pub fn pixel<R: Real>(frame: &Frame<R>, volumes: &[&[Volume<'_, R>]], ray: &Ray<R>, n: &mut impl Counter) -> [R; 4] {
+    match frame.traversal {
+        Traversal::Raycast => trace(frame, volumes, ray, n),
+        Traversal::Slice => slices(frame, volumes, ray, n),
+        Traversal::CutPlane => cut(frame, volumes, ray, n),
+    }
+}
+
 /// Voxel `c` of the level, which lies inside.
 pub fn voxel<R: Real>(v: &Volume<'_, R>, c: [u32; 3], n: &mut impl Counter) -> Value<R> {
     use crate::gpu::level::Store;
+    use crate::voxel::SampleType;
     match v.level.layout.store {
         Store::Raw { .. } => source_raw::voxel(v, c, n),
         Store::S3dc { .. } => source_s3dc::voxel(v, c, n),
-        Store::Zerobit { .. } => unreachable!("levels of zerobit are planned as decoded until their shader is there"),
+        Store::Zerobit { sample, .. } => {
+            let [r, g, b] = source_zerobit::voxel(v.level, c, n).map(|v| R::of(v.into()));
+            if sample == SampleType::Rgb8 { Value::Colour([r, g, b]) } else { Value::Scalar(r) }
+        }
     }
 }
 

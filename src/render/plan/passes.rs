@@ -93,7 +93,7 @@ fn planned(b: &Binding, pixels: u64, levels: &[PlannedLevel]) -> PlannedBinding 
             match (layout.pages.filter(|_| layout.decoded.is_none()), name) {
                 (Some(pages), "table") => pages.table_bytes,
                 (Some(pages), "books") => pages.book_bytes,
-                (Some(pages), "page") => pages.stream_bytes.min(pages.page_bytes),
+                (Some(pages), name) if name.starts_with("page") => pages.stream_bytes.min(pages.page_bytes),
                 _ if b.kind == BindingKind::Sampler => 0,
                 _ => texture.map_or(0, |t| t.bytes()),
             }
