@@ -11,12 +11,12 @@ use vug::render::{Backend, Renderer};
 
 /// The opaque core alone.
 fn core() -> TransferFunction {
-    TransferFunction::new(vec![point(180.0, [0.9, 0.4, 0.1], 0.0), point(220.0, [1.0, 0.9, 0.8], 0.9)]).unwrap()
+    TransferFunction::new(vec![point(200.0, [0.9, 0.4, 0.1], 0.0), point(205.0, [1.0, 0.9, 0.8], 0.9)]).unwrap()
 }
 
 /// `D-38`: bricks that are there are not loaded again.
 fn check(backend: &Backend, source: Source) {
-    let extent = Extent::new(134, 130, 132);
+    let extent = Extent::new(166, 163, 165);
     let volume = encoded(&mut hill_u8(extent), s3dc(4, [4, 4, 4]));
     let of = |transfer| {
         let mut scene = plain(&volume, transfer, [40, 40]);

@@ -33,10 +33,8 @@ impl Sampled {
 
     fn with<R: Real, T>(&self, f: impl FnOnce(&mirror::Frame<R>, &mirror::Volume<'_, R>) -> T) -> T {
         let lies = Lies::of(&self.plan.levels[0], &self.plan.view, self.plan.step).unwrap();
-        f(
-            &frame(&self.plan, &self.scene, &self.plan.view),
-            &lies.volume(&self.level, &[], &self.scene.volumes[0].transfer),
-        )
+        let frame = frame(&self.plan, &self.scene, &self.plan.view, &[lies]);
+        f(&frame, &lies.volume(&self.level, &[], &self.scene.volumes[0].transfer))
     }
 
     fn value<R: Real>(&self, p: [R; 3]) -> (R, Work) {

@@ -108,7 +108,8 @@ impl GpuLevel {
         store.flush_all()?;
         store.submit()?;
         self.sent += store.sent;
-        self.filled = self.filled.and(filled);
+        self.filled = self.filled.plus(&filled);
+        self.filled.skipped = self.resident.missing();
         Ok(filled)
     }
 }

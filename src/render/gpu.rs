@@ -3,7 +3,7 @@
 use super::camera::View;
 use super::image::Image;
 use super::mirror;
-use super::plan::{Plan, PlannedLevel};
+use super::plan::{BrickMask, Plan, PlannedLevel};
 use super::scene::Scene;
 use super::setup::{Lies, frame, frame_bytes, overrides};
 use super::{PassTime, Progress};
@@ -78,24 +78,6 @@ impl GpuScene {
         Ok(scene)
     }
 
-    /// Uploads what a plan of the same levels names and is not there.
-    ///
-    /// # Errors
-    /// Those of [`GpuLevel::add`]; the scene is not to be used then.
-    pub fn add(&mut self, plan: &Plan, volumes: &[Arc<Volume>], progress: Progress<'_>) -> Result<()> {
-        for (resident, planned) in self.levels.iter_mut().zip(&plan.levels) {
-            let wanted = |brick| planned.wanted.has(brick);
-            let mut told = |done, of| progress("upload", done, of);
-            let added = resident.level.add(&self.gpu, &volumes[planned.volume], &wanted, &mut told)?;
-            if resident.decoded.is_some() && added.bytes() > 0 {
-                let pass = DecodePass::new(&self.gpu, &resident.level)?;
-                pass.run(&self.gpu)?;
-                resident.decoded = Some(pass);
-            }
-        }
-        self.show(plan)
-    }
-
     /// Takes over which bricks can be seen.
     ///
     /// # Errors
@@ -114,9 +96,35 @@ impl GpuScene {
         self.levels.iter().map(|l| l.level.filled).collect()
     }
 
-    /// The levels as they lie on the device.
-    pub fn levels(&self) -> impl Iterator<Item = &GpuLevel> {
-        self.levels.iter().map(|l| &l.level)
+    /// Uploads more bricks of level `i`, or all of it anew where streams are in pages.
+    ///
+    /// # Errors
+    /// Those of [`GpuLevel::upload`].
+    pub fn add(
+        &mut self,
+        i: usize,
+        planned: &PlannedLevel,
+        fresh: &BrickMask,
+        volume: &Volume,
+        progress: Progress<'_>,
+    ) -> Result<()> {
+        let gpu = self.gpu.clone();
+        let resident = &mut self.levels[i];
+        let mut told = |done, of| progress("upload", done, of);
+        let started = Instant::now();
+        if planned.layout.pages.is_some() {
+            let wanted = |brick| planned.wanted.has(brick);
+            resident.level = GpuLevel::upload(&gpu, volume, planned.layout.clone(), &wanted, &mut told)?;
+        } else {
+            resident.level.add(&gpu, volume, &|brick| fresh.has(brick), &mut told)?;
+        }
+        self.loading.push(PassTime::wall("upload", started));
+        if resident.decoded.is_some() {
+            let pass = DecodePass::new(&gpu, &resident.level)?;
+            pass.run(&gpu)?;
+            resident.decoded = Some(pass);
+        }
+        Ok(())
     }
 
     /// Renders.

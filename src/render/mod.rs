@@ -31,7 +31,7 @@ use crate::gpu::pipeline::Pipelines;
 use crate::volume::Volume;
 use camera::View;
 use mirror::{Real, Work};
-use plan::{Plan, PlannedLevel};
+use plan::{BrickMask, Plan};
 use scene::Scene;
 use serde::Serialize;
 use std::sync::Arc;
@@ -108,6 +108,8 @@ pub struct Renderer {
     backend: Backend,
     plan: Plan,
     loaded: Loaded,
+    /// Bricks of each level that are in memory.
+    resident: Vec<BrickMask>,
     pipelines: Arc<Pipelines>,
     loading: Vec<PassTime>,
 }
@@ -127,7 +129,8 @@ impl Renderer {
         let plan = Plan::new(&scene, &refs, &backend.fit())?;
         let pipelines = Arc::new(Pipelines::default());
         let (loaded, loading) = load(&plan, &volumes, &backend, &pipelines, progress)?;
-        Ok(Renderer { scene, volumes, backend, plan, loaded, pipelines, loading })
+        let resident = plan.levels.iter().map(|l| l.wanted.clone()).collect();
+        Ok(Renderer { scene, volumes, backend, plan, loaded, resident, pipelines, loading })
     }
 
     /// The plan.
@@ -233,28 +236,31 @@ impl Renderer {
         scene.volumes[volume].transfer = transfer;
         let refs: Vec<&Volume> = self.volumes.iter().map(|v| &**v).collect();
         let plan = Plan::new(&scene, &refs, &self.backend.fit())?;
-        let same = |(a, b): (&PlannedLevel, &PlannedLevel)| a.volume == b.volume && a.layout == b.layout;
-        let stays = self.plan.levels.len() == plan.levels.len() && self.plan.levels.iter().zip(&plan.levels).all(same);
+        for (i, planned) in plan.levels.iter().enumerate() {
+            let there = &self.resident[i];
+            let fresh = BrickMask::choose(there.size(), |b| planned.wanted.has(b) && !there.has(b));
+            if fresh.count() == 0 {
+                continue;
+            }
+            let volume = &self.volumes[planned.volume];
+            match &mut self.loaded {
+                Loaded::Gpu(scene) => scene.add(i, planned, &fresh, volume, progress)?,
+                Loaded::Host(levels) if planned.layout.pages.is_some() => {
+                    let wanted = |brick| planned.wanted.has(brick);
+                    let layout = planned.layout.clone();
+                    levels[i] = HostLevel::load(volume, layout, &wanted, &mut |done, of| progress("load", done, of))?;
+                }
+                Loaded::Host(levels) => {
+                    levels[i].add(volume, &|brick| fresh.has(brick), &mut |done, of| progress("load", done, of))?;
+                }
+            }
+            let all = BrickMask::choose(there.size(), |b| planned.wanted.has(b) || there.has(b));
+            self.resident[i] = if planned.layout.pages.is_some() { planned.wanted.clone() } else { all };
+        }
+        if let Loaded::Gpu(loaded) = &mut self.loaded {
+            loaded.show(&plan)?;
+        }
         (self.scene, self.plan) = (scene, plan);
-        // Where there is no room for more besides, all is loaded anew.
-        if stays && self.add(progress).is_ok() {
-            return Ok(());
-        }
-        let (loaded, loading) = load(&self.plan, &self.volumes, &self.backend, &self.pipelines, progress)?;
-        (self.loaded, self.loading) = (loaded, loading);
-        Ok(())
-    }
-
-    /// Loads what the plan wants and is not there.
-    fn add(&mut self, progress: Progress<'_>) -> Result<()> {
-        let levels = match &mut self.loaded {
-            Loaded::Gpu(scene) => return scene.add(&self.plan, &self.volumes, progress),
-            Loaded::Host(levels) => levels,
-        };
-        for (level, planned) in levels.iter_mut().zip(&self.plan.levels) {
-            let wanted = |brick| planned.wanted.has(brick);
-            level.add(&self.volumes[planned.volume], &wanted, &mut |done, of| progress("load", done, of))?;
-        }
         Ok(())
     }
 }

@@ -52,14 +52,14 @@ pub struct Filled {
 impl Filled {
     /// The sum of both.
     #[must_use]
-    pub const fn and(self, more: Filled) -> Filled {
+    pub const fn plus(self, more: &Filled) -> Filled {
         Filled {
             payload_bytes: self.payload_bytes + more.payload_bytes,
             repacked_bytes: self.repacked_bytes + more.repacked_bytes,
             filled_bytes: self.filled_bytes + more.filled_bytes,
             table_bytes: self.table_bytes + more.table_bytes,
             bricks: self.bricks + more.bricks,
-            skipped: more.skipped,
+            skipped: self.skipped + more.skipped,
         }
     }
 
@@ -86,6 +86,12 @@ impl Resident {
     #[must_use]
     pub fn has(&self, layout: &LevelLayout, brick: Coord) -> bool {
         self.bricks.get(layout.brick_index(brick)).copied().unwrap_or(false)
+    }
+
+    /// Bricks that are not there.
+    #[must_use]
+    pub fn missing(&self) -> u64 {
+        self.bricks.iter().filter(|there| !**there).count() as u64
     }
 }
 

@@ -59,7 +59,8 @@ impl HostLevel {
         let HostLevel { layout, textures, pages, table, books, resident, .. } = self;
         let mut store = Memory { layout, textures, pages, table, books };
         let filled = fill(volume, layout, resident, wanted, &mut store, progress)?;
-        self.filled = self.filled.and(filled);
+        self.filled = self.filled.plus(&filled);
+        self.filled.skipped = self.resident.missing();
         Ok(filled)
     }
 
