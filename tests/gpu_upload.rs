@@ -6,7 +6,7 @@ mod support;
 
 use gpu_support::{encoded, gpu, host, of_all_types, options, part, upload};
 use vug::codec::{Codec, s3dc};
-use vug::gpu::level::{Fit, LevelLayout, Role, TABLE_STORED, TABLE_WORDS, TexelFormat};
+use vug::gpu::level::{Fit, HostLevel, LevelLayout, Role, TABLE_STORED, TABLE_WORDS, TexelFormat};
 use vug::gpu::{AdapterChoice, Gpu, GpuLevel, Source};
 use vug::volume::{At, BrickPayload, CodecChoice, Volume};
 use vug::{Extent, Region, error::Code};
@@ -117,8 +117,8 @@ fn streams_lie_whole_in_pages() {
     assert!(pages.len() > 1 && pages.iter().all(|p| p.len() <= 6000 && p.len() % 4 == 0));
     let table = gpu().read_buffer(&level.tables.as_ref().unwrap()[0]).unwrap();
     let words: Vec<u32> = table.chunks_exact(4).map(|b| u32::from_le_bytes(b.try_into().unwrap())).collect();
-    let (mut total, [nx, ny, _]) = (0, level.layout.bricks);
-    for (i, entry) in (0..).zip(words.chunks_exact(TABLE_WORDS as usize)) {
+    let (mut total, [nx, ny, nz]) = (0, level.layout.bricks);
+    for (i, entry) in (0..nx * ny * nz).zip(words.chunks_exact(TABLE_WORDS as usize)) {
         let brick = [i % nx, i / nx % ny, i / nx / ny];
         if let BrickPayload::Stored { bytes, .. } = volume.brick_payload(At::default(), brick).unwrap() {
             let from = entry[1] as usize * 4;
@@ -209,4 +209,51 @@ fn errors_say_what_would_do() {
         })
     });
     assert_eq!(huge.unwrap_err().code(), Code::Source);
+}
+
+#[test] // D-38: what is there is not sent again
+#[cfg_attr(feature = "skip-gpu-tests", ignore = "no GPU adapter: built with skip-gpu-tests")]
+fn bricks_are_added_to_those_that_are_there() {
+    let extent = Extent::new(35, 18, 85);
+    for codec in [CodecChoice::S3dc, CodecChoice::Zerobit] {
+        let volume = encoded(extent, &options(codec, 4, [4; 3]), |c| part(c, |h| (h % 256) as f32) as u8);
+        for fit in [gpu().fit(None), tight()] {
+            let layout = LevelLayout::new(&volume, At::default(), Source::Direct, &fit).unwrap();
+            let odd = |b: [u32; 3]| (b[0] + b[1] + b[2]) % 2 == 1;
+            let some = |b: [u32; 3]| odd(b) && b[2] > 0;
+            let mut level = GpuLevel::upload(gpu(), &volume, layout.clone(), &some, &mut |_, _| {}).unwrap();
+            let mut memory = HostLevel::load(&volume, layout.clone(), &some, &mut |_, _| {}).unwrap();
+            assert!(level.resident.has(&layout, [0, 0, 1]) && !level.resident.has(&layout, [0, 0, 0]));
+            let wanted: [&dyn Fn([u32; 3]) -> bool; 3] = [&odd, &|_| true, &|_| true];
+            let more: Vec<_> = wanted
+                .iter()
+                .map(|wanted| {
+                    let added = level.add(gpu(), &volume, wanted, &mut |_, _| {}).unwrap();
+                    assert_eq!(added, memory.add(&volume, wanted, &mut |_, _| {}).unwrap());
+                    added
+                })
+                .collect();
+            assert_eq!((more[2].bricks, more[2].payload_bytes), (0, 0));
+            assert!(more[0].bricks > 0 && more[1].bricks > more[0].bricks);
+            // In the end all is there once.
+            let all = host(&volume, layout);
+            assert_eq!(
+                (level.filled.payload_bytes, level.filled.bricks),
+                (all.filled.payload_bytes, all.filled.bricks)
+            );
+            assert!(memory.textures == all.textures);
+            for (texture, expected) in level.textures.iter().zip(&all.textures) {
+                assert!(gpu().read_texture(texture).unwrap() == *expected);
+            }
+            for (page, expected) in level.pages.iter().zip(&memory.pages) {
+                let found = gpu().read_buffer(page).unwrap();
+                assert!(found[..expected.len() * 4].chunks_exact(4).zip(expected).all(|(b, w)| *b == w.to_le_bytes()));
+            }
+            if let Some([table, _]) = &level.tables {
+                let found = gpu().read_buffer(table).unwrap();
+                assert!(found.chunks_exact(4).zip(&memory.table).all(|(b, w)| *b == w.to_le_bytes()));
+                assert_eq!(level.pages.len(), 3);
+            }
+        }
+    }
 }

@@ -1,8 +1,10 @@
 //! A level on the GPU: payload bytes go to textures and buffers as they are.
 
 use super::device::Gpu;
-use super::level::{Filled, HostLevel, LevelLayout, LevelTarget, TexelFormat, TextureLayout, copy_rows, fill};
-use crate::error::{Code, Error, Result};
+use super::level::{
+    Filled, HostLevel, LevelLayout, LevelTarget, Resident, TexelFormat, TextureLayout, copy_rows, fill,
+};
+use crate::error::{Code, Result};
 use crate::geometry::Coord;
 use crate::volume::Volume;
 
@@ -48,6 +50,8 @@ pub struct GpuLevel {
     pub filled: Filled,
     /// Bytes that went to the device: more than were written where gathered bricks had gaps, which are 0.
     pub sent: u64,
+    /// Which bricks are there.
+    pub resident: Resident,
 }
 
 impl GpuLevel {
@@ -70,54 +74,43 @@ impl GpuLevel {
             }
             _ => e,
         })?;
-        let mut store = Uploading {
-            gpu,
-            layout: &layout,
-            textures,
-            pages: Vec::new(),
-            tables: None,
-            slabs: Vec::new(),
-            gathers: true,
-            waiting: 0,
-            sent: 0,
-        };
-        let filled = fill(volume, &layout, wanted, &mut store, progress)?;
-        store.flush_all()?;
-        store.submit()?;
-        let Uploading { textures, pages, tables, sent, .. } = store;
-        Ok(GpuLevel { layout, textures, pages, tables, filled, sent })
+        let (filled, resident) = (Filled::default(), Resident::default());
+        let mut level = GpuLevel { layout, textures, pages: Vec::new(), tables: None, filled, sent: 0, resident };
+        level.write(gpu, volume, wanted, true, progress)?;
+        Ok(level)
     }
 
-    /// Uploads more bricks of the level, beside those that are there. Pages of streams are whole: those are uploaded anew.
+    /// Uploads those `wanted` bricks that are not there yet; what is there is not sent again. After an error the level is not to be
+    /// used.
     ///
     /// # Errors
-    /// As [`GpuLevel::upload`]; `E_PARAM` for levels in pages.
+    /// As [`GpuLevel::upload`].
     pub fn add(
         &mut self,
         gpu: &Gpu,
         volume: &Volume,
         wanted: &dyn Fn(Coord) -> bool,
         progress: &mut dyn FnMut(u64, u64),
-    ) -> Result<()> {
-        if self.layout.pages.is_some() {
-            return Err(Error::param("source", "pages of streams take no more bricks; upload the level anew"));
-        }
-        let mut store = Uploading {
-            gpu,
-            layout: &self.layout,
-            textures: self.textures.clone(),
-            pages: Vec::new(),
-            tables: None,
-            slabs: Vec::new(),
-            gathers: false, // the gaps of what is gathered would be written over what is there
-            waiting: 0,
-            sent: 0,
-        };
-        let filled = fill(volume, &self.layout, wanted, &mut store, progress)?;
+    ) -> Result<Filled> {
+        self.write(gpu, volume, wanted, false, progress)
+    }
+
+    fn write(
+        &mut self,
+        gpu: &Gpu,
+        volume: &Volume,
+        wanted: &dyn Fn(Coord) -> bool,
+        fresh: bool,
+        progress: &mut dyn FnMut(u64, u64),
+    ) -> Result<Filled> {
+        let mut store = Uploading::of(gpu, &self.layout, &self.textures, &mut self.pages, &mut self.tables, fresh);
+        let filled = fill(volume, &self.layout, &mut self.resident, wanted, &mut store, progress)?;
+        store.flush_all()?;
         store.submit()?;
         self.sent += store.sent;
         self.filled = self.filled.plus(&filled);
-        Ok(())
+        self.filled.skipped = self.resident.missing();
+        Ok(filled)
     }
 }
 
@@ -129,18 +122,9 @@ impl GpuLevel {
     pub fn of_host(gpu: &Gpu, host: &HostLevel) -> Result<GpuLevel> {
         let layout = &host.layout;
         let make = || layout.textures.iter().map(|t| texture(gpu, t, wgpu::TextureUsages::COPY_DST)).collect();
-        let textures = gpu.checked(make)?;
-        let mut store = Uploading {
-            gpu,
-            layout,
-            textures,
-            pages: Vec::new(),
-            tables: None,
-            slabs: Vec::new(),
-            gathers: true,
-            waiting: 0,
-            sent: 0,
-        };
+        let textures: Vec<wgpu::Texture> = gpu.checked(make)?;
+        let (mut pages, mut tables) = (Vec::new(), None);
+        let mut store = Uploading::of(gpu, layout, &textures, &mut pages, &mut tables, true);
         for (i, texels) in host.textures.iter().enumerate() {
             let t = &layout.textures[i];
             // Slice by slice: the whole may be more than can wait.
@@ -153,11 +137,11 @@ impl GpuLevel {
             store.page(page.clone())?;
         }
         if layout.pages.is_some() {
-            store.tables(host.table.clone(), host.books.clone())?;
+            store.tables(&host.table, &host.books)?;
         }
         store.submit()?;
-        let Uploading { textures, pages, tables, sent, .. } = store;
-        Ok(GpuLevel { layout: layout.clone(), textures, pages, tables, filled: host.filled, sent })
+        let (sent, filled, resident) = (store.sent, host.filled, host.resident.clone());
+        Ok(GpuLevel { layout: layout.clone(), textures, pages, tables, filled, sent, resident })
     }
 }
 
@@ -181,13 +165,13 @@ pub fn texture(gpu: &Gpu, t: &TextureLayout, more: wgpu::TextureUsages) -> wgpu:
 struct Uploading<'a> {
     gpu: &'a Gpu,
     layout: &'a LevelLayout,
-    textures: Vec<wgpu::Texture>,
-    pages: Vec<wgpu::Buffer>,
-    tables: Option<[wgpu::Buffer; 2]>,
+    textures: &'a [wgpu::Texture],
+    pages: &'a mut Vec<wgpu::Buffer>,
+    tables: &'a mut Option<[wgpu::Buffer; 2]>,
+    /// Whether all texels that have not been written are 0.
+    fresh: bool,
     /// What is gathered of some textures.
     slabs: Vec<Slab>,
-    /// Whether anything is.
-    gathers: bool,
     /// Bytes sent since the last submission.
     waiting: u64,
     sent: u64,
@@ -220,7 +204,18 @@ impl Slab {
     }
 }
 
-impl Uploading<'_> {
+impl<'a> Uploading<'a> {
+    fn of(
+        gpu: &'a Gpu,
+        layout: &'a LevelLayout,
+        textures: &'a [wgpu::Texture],
+        pages: &'a mut Vec<wgpu::Buffer>,
+        tables: &'a mut Option<[wgpu::Buffer; 2]>,
+        fresh: bool,
+    ) -> Self {
+        Uploading { gpu, layout, textures, pages, tables, fresh, slabs: Vec::new(), waiting: 0, sent: 0 }
+    }
+
     fn submit(&mut self) -> Result<()> {
         self.gpu.queue.submit([]);
         self.waiting = 0;
@@ -233,7 +228,7 @@ impl Uploading<'_> {
         let slice = t.bytes() / u64::from(t.size[2]);
         let depth = if t.bytes() <= SLAB_BYTES { t.size[2] } else { t.per_brick[2] };
         // Bricks of levels in tiles do not come in the order of slices.
-        if !self.gathers || !self.layout.fold.is_flat() || slice * u64::from(depth) > 4 * SLAB_BYTES {
+        if !self.layout.fold.is_flat() || slice * u64::from(depth) > 4 * SLAB_BYTES {
             return Ok(None);
         }
         let first = z / depth * depth;
@@ -272,7 +267,7 @@ impl Uploading<'_> {
     fn flush(&mut self, slab: &Slab) -> Result<()> {
         let rows = [slab.size[0], slab.size[1]];
         // Where most is missing, only what is there is sent.
-        if slab.written * 2 >= slab.texels.len() {
+        if slab.written == slab.texels.len() || self.fresh && slab.written * 2 >= slab.texels.len() {
             return self.send(slab.texture, [0, 0, slab.z], slab.size, &slab.texels, rows);
         }
         let texel = self.layout.textures[slab.texture].format.bytes() as usize;
@@ -347,8 +342,12 @@ impl LevelTarget for Uploading<'_> {
         Ok(())
     }
 
-    fn tables(&mut self, bricks: Vec<u32>, books: Vec<u32>) -> Result<()> {
-        self.tables = Some([self.buffer("bricks", &bricks)?, self.buffer("codebooks", &books)?]);
+    fn tables(&mut self, bricks: &[u32], books: &[u32]) -> Result<()> {
+        if let Some([table, _]) = &*self.tables {
+            self.gpu.queue.write_buffer(table, 0, bytemuck::cast_slice(bricks));
+            return self.wrote(bricks.len() * 4);
+        }
+        *self.tables = Some([self.buffer("bricks", bricks)?, self.buffer("codebooks", books)?]);
         Ok(())
     }
 }

@@ -25,11 +25,11 @@ pub trait LevelTarget {
     /// What the target finds.
     fn page(&mut self, words: Vec<u32>) -> Result<()>;
 
-    /// Takes the brick table and the codebooks, behind the last page.
+    /// Takes the brick table and the codebooks, behind the last page; again where more bricks were added.
     ///
     /// # Errors
     /// What the target finds.
-    fn tables(&mut self, bricks: Vec<u32>, books: Vec<u32>) -> Result<()>;
+    fn tables(&mut self, bricks: &[u32], books: &[u32]) -> Result<()>;
 }
 
 /// What was written.
@@ -45,40 +45,65 @@ pub struct Filled {
     pub table_bytes: u64,
     /// Stored bricks that were written.
     pub bricks: u64,
-    /// Bricks that nobody wanted.
+    /// Bricks that nobody wanted, or that were there.
     pub skipped: u64,
 }
 
 impl Filled {
-    /// All bytes that were written.
+    /// The sum of both.
     #[must_use]
-    pub const fn bytes(&self) -> u64 {
-        self.payload_bytes + self.repacked_bytes + self.filled_bytes + self.table_bytes
-    }
-
-    /// Both, where `more` was written later to the same level: what it skipped was there, or nobody wants it.
-    #[must_use]
-    pub const fn plus(&self, more: &Filled) -> Filled {
-        let asked = self.skipped.saturating_sub(more.bricks);
+    pub const fn plus(self, more: &Filled) -> Filled {
         Filled {
             payload_bytes: self.payload_bytes + more.payload_bytes,
             repacked_bytes: self.repacked_bytes + more.repacked_bytes,
             filled_bytes: self.filled_bytes + more.filled_bytes,
             table_bytes: self.table_bytes + more.table_bytes,
             bricks: self.bricks + more.bricks,
-            skipped: asked,
+            skipped: self.skipped + more.skipped,
         }
+    }
+
+    /// All bytes that were written.
+    #[must_use]
+    pub const fn bytes(&self) -> u64 {
+        self.payload_bytes + self.repacked_bytes + self.filled_bytes + self.table_bytes
     }
 }
 
-/// Writes the bricks of a level that are `wanted` (position in bricks) to `target`, whose texels are all 0. `progress` is told
-/// how many bricks are done, of how many.
+/// Which bricks of a level are there, and where in pages.
+#[derive(Clone, Debug, Default)]
+pub struct Resident {
+    /// Bricks that are there, x fastest; empty before the first is.
+    bricks: Vec<bool>,
+    /// The brick table of zerobit.
+    pub(super) table: Vec<u32>,
+    /// Pages that have been handed over.
+    pub(super) pages: u32,
+}
+
+impl Resident {
+    /// Whether a brick (position in bricks) is there.
+    #[must_use]
+    pub fn has(&self, layout: &LevelLayout, brick: Coord) -> bool {
+        self.bricks.get(layout.brick_index(brick)).copied().unwrap_or(false)
+    }
+
+    /// Bricks that are not there.
+    #[must_use]
+    pub fn missing(&self) -> u64 {
+        self.bricks.iter().filter(|there| !**there).count() as u64
+    }
+}
+
+/// Writes the bricks of a level that are `wanted` (position in bricks) and not yet there to `target`, whose other texels are 0.
+/// `progress` is told how many bricks are done, of how many. After an error the target is not to be used.
 ///
 /// # Errors
 /// Those of reading bricks, and of the target; `E_LIMIT` where streams take more pages than the layout has.
 pub fn fill(
     volume: &Volume,
     layout: &LevelLayout,
+    resident: &mut Resident,
     wanted: &dyn Fn(Coord) -> bool,
     target: &mut dyn LevelTarget,
     progress: &mut dyn FnMut(u64, u64),
@@ -86,25 +111,28 @@ pub fn fill(
     let [nx, ny, nz] = layout.bricks;
     let bricks = (0..nz).flat_map(move |z| (0..ny).flat_map(move |y| (0..nx).map(move |x| [x, y, z])));
     let total = u64::from(nx) * u64::from(ny) * u64::from(nz);
+    resident.bricks.resize(usize::try_from(total).unwrap_or(usize::MAX), false);
+    let chosen: Vec<Coord> = bricks.filter(|&b| wanted(b) && !resident.has(layout, b)).collect();
     let mut writer = Writer { volume, layout, target, filled: Filled::default(), scratch: Vec::new() };
-    let mut pager = layout.pages.map(|pages| Pager::new(layout, pages, volume.info().null_sample()));
+    writer.filled.skipped = total - chosen.len() as u64;
+    let mut pager = layout.pages.map(|pages| Pager::new(layout, pages, volume.info().null_sample(), resident));
     let mut done = 0;
-    let mut wished = 0;
-    let chosen = bricks.filter(|&b| wanted(b)).inspect(|_| wished += 1);
-    volume.brick_payloads(layout.at, chosen, |group| {
+    let of = chosen.len() as u64;
+    volume.brick_payloads(layout.at, chosen.iter().copied(), |group| {
         done += group.len() as u64;
         match &mut pager {
             Some(pager) => group.iter().try_for_each(|(brick, payload)| pager.add(&mut writer, *brick, payload))?,
             None => writer.group(&group)?,
         }
-        progress(done, total);
+        progress(done, of);
         Ok(())
     })?;
     if let Some(pager) = pager {
-        pager.finish(&mut writer)?;
+        pager.finish(&mut writer, resident)?;
     }
-    writer.filled.skipped = total - wished;
-    progress(total, total);
+    for brick in chosen {
+        resident.bricks[layout.brick_index(brick)] = true;
+    }
     Ok(writer.filled)
 }
 

@@ -1,6 +1,6 @@
 //! A level in this machine's memory, byte for byte as a GPU holds it: what the CPU renderer samples.
 
-use super::{Filled, LevelLayout, LevelTarget, TextureLayout, fill, readable};
+use super::{Filled, LevelLayout, LevelTarget, Resident, TextureLayout, fill, readable};
 use crate::error::{Code, Error, Result};
 use crate::geometry::Coord;
 use crate::volume::Volume;
@@ -24,6 +24,8 @@ pub struct HostLevel {
     pub books: Vec<u32>,
     /// What was written.
     pub filled: Filled,
+    /// Which bricks are there.
+    pub resident: Resident,
 }
 
 impl HostLevel {
@@ -38,32 +40,28 @@ impl HostLevel {
         progress: &mut dyn FnMut(u64, u64),
     ) -> Result<Self> {
         let textures = layout.textures.iter().map(zeros).collect::<Result<_>>()?;
-        let mut store = Memory { layout: &layout, textures, pages: Vec::new(), table: Vec::new(), books: Vec::new() };
-        let filled = fill(volume, &layout, wanted, &mut store, progress)?;
-        let Memory { textures, pages, table, books, .. } = store;
-        Ok(HostLevel { layout, textures, pages, table, books, filled })
+        let (pages, table, books, filled) = (Vec::new(), Vec::new(), Vec::new(), Filled::default());
+        let mut level = HostLevel { layout, textures, pages, table, books, filled, resident: Resident::default() };
+        level.add(volume, wanted, progress)?;
+        Ok(level)
     }
 
-    /// Loads more bricks of the level, beside those that are there. Pages of streams are whole: those are loaded anew.
+    /// Loads those `wanted` bricks that are not there yet. After an error the level is not to be used.
     ///
     /// # Errors
-    /// As [`HostLevel::load`]; `E_PARAM` for levels in pages.
+    /// As [`HostLevel::load`].
     pub fn add(
         &mut self,
         volume: &Volume,
         wanted: &dyn Fn(Coord) -> bool,
         progress: &mut dyn FnMut(u64, u64),
-    ) -> Result<()> {
-        if self.layout.pages.is_some() {
-            return Err(Error::param("source", "pages of streams take no more bricks; load the level anew"));
-        }
-        let textures = std::mem::take(&mut self.textures);
-        let mut store =
-            Memory { layout: &self.layout, textures, pages: Vec::new(), table: Vec::new(), books: Vec::new() };
-        let filled = fill(volume, &self.layout, wanted, &mut store, progress);
-        self.textures = store.textures;
-        self.filled = self.filled.plus(&filled?);
-        Ok(())
+    ) -> Result<Filled> {
+        let HostLevel { layout, textures, pages, table, books, resident, .. } = self;
+        let mut store = Memory { layout, textures, pages, table, books };
+        let filled = fill(volume, layout, resident, wanted, &mut store, progress)?;
+        self.filled = self.filled.plus(&filled);
+        self.filled.skipped = self.resident.missing();
+        Ok(filled)
     }
 
     /// Texel `at` of texture `texture`, each channel as its 32 bits in a shader; 0 outside.
@@ -116,10 +114,10 @@ fn zeros(t: &TextureLayout) -> Result<Vec<u8>> {
 /// The target.
 struct Memory<'a> {
     layout: &'a LevelLayout,
-    textures: Vec<Vec<u8>>,
-    pages: Vec<Vec<u32>>,
-    table: Vec<u32>,
-    books: Vec<u32>,
+    textures: &'a mut [Vec<u8>],
+    pages: &'a mut Vec<Vec<u32>>,
+    table: &'a mut Vec<u32>,
+    books: &'a mut Vec<u32>,
 }
 
 impl LevelTarget for Memory<'_> {
@@ -140,8 +138,8 @@ impl LevelTarget for Memory<'_> {
         Ok(())
     }
 
-    fn tables(&mut self, bricks: Vec<u32>, books: Vec<u32>) -> Result<()> {
-        (self.table, self.books) = (bricks, books);
+    fn tables(&mut self, bricks: &[u32], books: &[u32]) -> Result<()> {
+        (*self.table, *self.books) = (bricks.to_vec(), books.to_vec());
         Ok(())
     }
 }

@@ -14,7 +14,7 @@ mod pages;
 mod tests;
 mod texel;
 
-pub use fill::{Filled, LevelTarget, fill};
+pub use fill::{Filled, LevelTarget, Resident, fill};
 pub(crate) use fit::readable;
 pub use fit::{Fit, PAGE_BYTES};
 pub use fold::Fold;

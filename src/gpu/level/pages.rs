@@ -1,6 +1,6 @@
 //! Pages of zerobit streams: payloads one after the other, each whole in one page, at multiples of 4 bytes.
 
-use super::fill::{Writer, too_long, too_many_pages};
+use super::fill::{Resident, Writer, too_long, too_many_pages};
 use super::{BOOK_WORDS, LevelLayout, PageLayout, TABLE_CONSTANT, TABLE_EMPTY, TABLE_STORED, TABLE_WORDS};
 use crate::codec::Codec;
 use crate::codec::zerobit::{Book, Word};
@@ -18,11 +18,15 @@ pub(super) struct Pager {
 }
 
 impl Pager {
-    pub(super) fn new(layout: &LevelLayout, pages: PageLayout, null: SampleValue) -> Pager {
+    /// Goes on behind the pages that are there.
+    pub(super) fn new(layout: &LevelLayout, pages: PageLayout, null: SampleValue, resident: &Resident) -> Pager {
         let bricks: usize = layout.bricks.iter().map(|&n| n as usize).product();
-        // Bricks that nobody wants read as EMPTY; null cells of all others as the entry behind the last.
-        let table = [TABLE_EMPTY, 0, 0, null.to_raw()].repeat(bricks + 1);
-        Pager { pages, page: Vec::new(), written: 0, table }
+        let table = match resident.table.is_empty() {
+            false => resident.table.clone(),
+            // Bricks that nobody wants read as EMPTY; null cells of all others as the entry behind the last.
+            true => [TABLE_EMPTY, 0, 0, null.to_raw()].repeat(bricks + 1),
+        };
+        Pager { pages, page: Vec::new(), written: resident.pages, table }
     }
 
     pub(super) fn add(&mut self, writer: &mut Writer<'_>, brick: Coord, payload: &BrickPayload<'_>) -> Result<()> {
@@ -69,14 +73,16 @@ impl Pager {
         writer.target.page(std::mem::take(&mut self.page))
     }
 
-    pub(super) fn finish(mut self, writer: &mut Writer<'_>) -> Result<()> {
+    pub(super) fn finish(mut self, writer: &mut Writer<'_>, resident: &mut Resident) -> Result<()> {
         if !self.page.is_empty() {
             self.turn(writer)?;
         }
         let books: Vec<u32> =
             writer.volume.codebooks()?.iter().flat_map(|b| book_words(b, writer.layout.store.sample())).collect();
         writer.filled.table_bytes += 4 * (self.table.len() + books.len()) as u64;
-        writer.target.tables(self.table, books)
+        writer.target.tables(&self.table, &books)?;
+        (resident.table, resident.pages) = (self.table, self.written);
+        Ok(())
     }
 }
 
