@@ -41,7 +41,8 @@ fn refused(dir: &Path, args: &[&str], code: i32, words: &[&str]) {
 fn folder() -> TempDir {
     let dir = tempfile::tempdir().unwrap();
     std::fs::write(dir.path().join("ball.raw"), support::ball(Extent::new(40, 36, 30)).bytes()).unwrap();
-    let args = ["encode", "ball.raw", "ball.vug", "--shape", "40,36,30", "--dtype", "u8", "--brick", "16", "--levels", "3"];
+    let args =
+        ["encode", "ball.raw", "ball.vug", "--shape", "40,36,30", "--dtype", "u8", "--brick", "16", "--levels", "3"];
     ok(dir.path(), &args);
     dir
 }
@@ -50,7 +51,8 @@ fn folder() -> TempDir {
 const FAST: [&str; 4] = ["--adapter", "cpu", "--size", "32x24"];
 
 fn pixels(path: &Path) -> (u32, u32, Vec<u8>) {
-    let mut reader = png::Decoder::new(std::io::BufReader::new(std::fs::File::open(path).unwrap())).read_info().unwrap();
+    let mut reader =
+        png::Decoder::new(std::io::BufReader::new(std::fs::File::open(path).unwrap())).read_info().unwrap();
     let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
     let info = reader.next_frame(&mut bytes).unwrap();
     (info.width, info.height, bytes)
@@ -68,7 +70,10 @@ fn a_picture_and_how_true_it_is() {
     assert!(bytes.iter().any(|v| *v > 60) && bytes[..3] == [0; 3], "a ball in front of black");
     let report: Value = serde_json::from_slice(&std::fs::read(d.join("a.json")).unwrap()).unwrap();
     let level = &report["levels"][0];
-    assert!(level["level"].as_u64().unwrap() > 0 && report["is_final"] == false, "few pixels, a coarse level: {report}");
+    assert!(
+        level["level"].as_u64().unwrap() > 0 && report["is_final"] == false,
+        "few pixels, a coarse level: {report}"
+    );
     assert!(level["error_bound"].as_f64().unwrap() > 0.0 && report["bytes"]["read"].as_u64().unwrap() > 100);
     assert_eq!(report["bytes"]["missing"], 0);
     assert!(report["passes"].as_array().unwrap().iter().any(|p| p["median_ms"].as_f64().is_some()));
@@ -99,7 +104,11 @@ fn scenes_are_kept_in_files_and_in_volumes() {
     let d = dir.path();
     let look = ["--transfer", "ct-bone", "--azimuth", "75", "--step", "0.7", "--background", "#204060"];
     ok(d, &[&["render", "ball.vug", "-o", "a.png"], &look[..], &FAST].concat());
-    ok(d, &[&["render", "ball.vug", "--save-scene", "scene.toml", "--save-transfer", "tf.json"], &look[..], &FAST].concat());
+    ok(
+        d,
+        &[&["render", "ball.vug", "--save-scene", "scene.toml", "--save-transfer", "tf.json"], &look[..], &FAST]
+            .concat(),
+    );
     ok(d, &["render", "scene.toml", "-o", "b.png", "--adapter", "cpu"]);
     assert!(pixels(&d.join("a.png")) == pixels(&d.join("b.png")), "a scene file says all of it");
     ok(d, &[&["render", "ball.vug", "--store", "seen.vug"], &look[..], &FAST].concat());
@@ -180,7 +189,8 @@ fn plans_and_prices() {
 fn what_cannot_be_rendered_says_so() {
     let dir = folder();
     let d = dir.path();
-    let with = |more: &[&str]| [&["render", "ball.vug", "-o", "x.png"], more, &["--adapter", "cpu"]].concat().join("\n");
+    let with =
+        |more: &[&str]| [&["render", "ball.vug", "-o", "x.png"], more, &["--adapter", "cpu"]].concat().join("\n");
     for (more, words) in [
         (&["--effects", "shadows"][..], &["shadows", "gradient_shading"][..]),
         (&["--sampler", "cubic"], &["cubic", "linear_opt"]),
@@ -220,7 +230,10 @@ fn a_volume_far_from_the_origin_looks_like_one_near_it() {
             "NRRD0004\ntype: uint8\ndimension: 3\nspace dimension: 3\nsizes: 40 36 30\nspace directions: (1e-6,0,0) (0,1e-6,0) (0,0,1e-6)\nspace origin: ({origin},{origin},{origin})\nencoding: raw\n\n"
         );
         std::fs::write(d.join(format!("{name}.nrrd")), [header.as_bytes(), &bytes].concat()).unwrap();
-        ok(d, &[&["render", &format!("{name}.nrrd"), "-o", &format!("{name}.png"), "--level", "0"], &FAST[..]].concat());
+        ok(
+            d,
+            &[&["render", &format!("{name}.nrrd"), "-o", &format!("{name}.png"), "--level", "0"], &FAST[..]].concat(),
+        );
     }
     let ((_, _, near), (_, _, far)) = (pixels(&d.join("near.png")), pixels(&d.join("far.png")));
     let off = near.iter().zip(&far).map(|(a, b)| a.abs_diff(*b)).max().unwrap();

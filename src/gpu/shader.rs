@@ -338,6 +338,7 @@ impl VolumeKey {
         let (texel, float) = match self.form {
             Form::Raw(texel) | Form::S3dc(texel) => (texel, texel == Texel::Float),
             Form::Zerobit { new, wide, signed, .. } => {
+                flag("zerobit", true);
                 flag("new_stream", new);
                 flag("wide", wide);
                 flag("signed", signed);

@@ -120,7 +120,10 @@ mod tests {
     #[test]
     fn medians() {
         let of = |ms: &[f64]| PassTimes { name: String::new(), ms: ms.to_vec() }.median();
-        assert_eq!((of(&[]), of(&[3.0]), of(&[9.0, 1.0, 4.0]), of(&[1.0, 2.0])), (None, Some(3.0), Some(4.0), Some(1.5)));
+        assert_eq!(
+            (of(&[]), of(&[3.0]), of(&[9.0, 1.0, 4.0]), of(&[1.0, 2.0])),
+            (None, Some(3.0), Some(4.0), Some(1.5))
+        );
     }
 
     #[test] // true errors stay below the reported bound, at coarse levels too

@@ -90,9 +90,10 @@ pub fn frame<R: Real>(plan: &Plan, scene: &Scene, view: &View, lies: &[Lies]) ->
 /// Where the first slab of slices begins (t of the ray of the middle of the film), and how many it takes to the far end of all
 /// volumes.
 fn slabs(plan: &Plan, view: &View, lies: &[Lies]) -> (f64, u32) {
-    let (near, far) = lies.iter().map(Lies::depths).fold((f64::INFINITY, f64::NEG_INFINITY), |all, [near, far]| {
-        (all.0.min(near), all.1.max(far))
-    });
+    let (near, far) = lies
+        .iter()
+        .map(Lies::depths)
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |all, [near, far]| (all.0.min(near), all.1.max(far)));
     let near = near.max(-ahead(view));
     // Rounding may put the far end behind the last slab.
     let count = ((far - near) / plan.step + 1e-6).ceil();

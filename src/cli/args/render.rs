@@ -1,6 +1,8 @@
 //! `vug render`, declared.
 
-use super::parse::{parse_bytes, parse_color, parse_plane, parse_range, parse_size, parse_span, parse_vector, parse_world_box};
+use super::parse::{
+    parse_bytes, parse_color, parse_plane, parse_range, parse_size, parse_span, parse_vector, parse_world_box,
+};
 use super::{Common, Import};
 use crate::gpu::{Effect, Lens, Projection, Sampler, Source, Traversal};
 use crate::render::scene::{ClipBox, Plane};
@@ -9,7 +11,8 @@ use std::path::PathBuf;
 
 /// Makes a picture of a volume: on a GPU, on a software adapter, or on the CPU alone
 #[derive(Args)]
-#[command(after_help = "Scenes are TOML files; options override what they say. A .vug file may hold one itself (--store).
+#[command(
+    after_help = "Scenes are TOML files; options override what they say. A .vug file may hold one itself (--store).
 Presets: auto, grey, ct-bone, ct-soft, ct-chest, mri, density, heat. Anything else is a JSON file of points.
 Effects: gradient_shading, empty_skip, tf_cull, lod, early_out, clip_box, time_interp. What is not named is in no shader.
 World units are those of the volume's placement (vug info). Rays hold at most 2^20 samples.
@@ -24,7 +27,8 @@ Examples:
   vug render head.vug -o cut.png --plane 80,100,60:0,0,1                a cut through a point, across a direction
   vug render head.vug -o 'turn_####.png' --turntable 36                 or turn.gif, turn.apng
   vug render head.vug -o view.png --adapter cpu                         the reference, in 64-bit floats
-  vug render head.vug --transfer ct-bone --azimuth 60 --store seen.vug  a copy that is rendered so from now on")]
+  vug render head.vug --transfer ct-bone --azimuth 60 --store seen.vug  a copy that is rendered so from now on"
+)]
 pub(in crate::cli) struct Render {
     /// Scene (.toml), .vug file, or any other readable volume
     pub(in crate::cli) source: PathBuf,

@@ -9,7 +9,8 @@ use std::path::PathBuf;
 
 /// Pictures a volume with many settings, and shows what each costs in time and error: see DIR/index.html
 #[derive(Args)]
-#[command(after_help = "Each setting of s3dc is encoded in memory and rendered with each sampler and step; the reference is the
+#[command(
+    after_help = "Each setting of s3dc is encoded in memory and rendered with each sampler and step; the reference is the
 uncompressed volume, sampled linearly at --reference-step. DIR gets tradeoff.csv, tradeoff.json, index.html with plots
 (error against time, Pareto front marked), and images/ with every picture and its difference.
 
@@ -22,7 +23,8 @@ Examples:
   vug tradeoff head.nrrd -o out/ --bits 2,4,8 --blocks 4,16,64 --steps 0.5,1,2 --size 512,512
   vug tradeoff head.vug -o out/ --adapter cpu --size 128,128 --frames 1
   vug tradeoff head.nrrd --paper-table-1 -o table1/
-  vug tradeoff --paper-table-1 --phantom 128,128,122 --size 256,256 -o small/")]
+  vug tradeoff --paper-table-1 --phantom 128,128,122 --size 256,256 -o small/"
+)]
 pub(in crate::cli) struct Tradeoff {
     /// Volume: .vug or any other readable file
     #[arg(required_unless_present = "paper_table_1")]

@@ -148,7 +148,10 @@ fn subject_json(subject: &Subject, o: &Outcome) -> Value {
 
 fn print_table(subject: &Subject, o: &Outcome) {
     println!("{}:", subject.data);
-    println!("{:<38} {:>10} {:>8} {:>9} {:>8} {:>8}", "setting, sampler, step", "ms", "ratio", "PSNR dB", "SSIM", "FLIP");
+    println!(
+        "{:<38} {:>10} {:>8} {:>9} {:>8} {:>8}",
+        "setting, sampler, step", "ms", "ratio", "PSNR dB", "SSIM", "FLIP"
+    );
     for r in &o.rows {
         let (flip, mark) = (r.flip.map_or("–".into(), |v| format!("{v:.4}")), if r.pareto { " *" } else { "" });
         println!(

@@ -2,8 +2,8 @@
 
 use super::scene::Opened;
 use crate::cli::args::Render;
-use crate::cli::cmd::copy::{self, Copy};
 use crate::cli::args::Write;
+use crate::cli::cmd::copy::{self, Copy};
 use crate::cli::output::{check_no_stdout, write_file};
 use crate::error::{Error, Result};
 use crate::render::scene::{Scene, SceneFile, TransferSpec, VolumeSpec};
@@ -15,7 +15,10 @@ use std::path::Path;
 pub(super) fn keep(args: &Render, opened: &Opened, scene: &Scene) -> Result<()> {
     if let Some(path) = &args.save_transfer {
         let [volume] = &scene.volumes[..] else {
-            return Err(Error::param("save-transfer", "the scene has several transfer functions; --save-scene keeps all"));
+            return Err(Error::param(
+                "save-transfer",
+                "the scene has several transfer functions; --save-scene keeps all",
+            ));
         };
         check_no_stdout(path)?;
         write_file(path, args.force, volume.transfer.to_json().as_bytes())?;
@@ -27,9 +30,10 @@ pub(super) fn keep(args: &Render, opened: &Opened, scene: &Scene) -> Result<()> 
             file.volume[0].path = Some(from_everywhere(&args.source));
         } else {
             for spec in &mut file.volume {
-                spec.path = spec.path.as_ref().map(|p| {
-                    if is_url(p) { p.clone() } else { from_everywhere(&opened.folder.join(p)) }
-                });
+                spec.path = spec
+                    .path
+                    .as_ref()
+                    .map(|p| if is_url(p) { p.clone() } else { from_everywhere(&opened.folder.join(p)) });
             }
         }
         write_file(path, args.force, file.to_toml().as_bytes())?;

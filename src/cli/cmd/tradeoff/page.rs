@@ -23,7 +23,8 @@ pub(super) fn sections(o: &Outcome) -> Result<Vec<(String, Vec<Piece>)>> {
     Ok(sections)
 }
 
-const TABLE: &str = "Rows that stand out are on the Pareto front: nothing else here is both faster and closer to the reference.";
+const TABLE: &str =
+    "Rows that stand out are on the Pareto front: nothing else here is both faster and closer to the reference.";
 
 /// One colour for each sampler; `f` is the height of a mark.
 fn by_sampler(rows: &[Row], x: impl Fn(&Row) -> f64, y: impl Fn(&Row) -> Option<f64>, front: bool) -> Vec<Series> {
