@@ -62,7 +62,7 @@ fn pixels(path: &Path) -> (u32, u32, Vec<u8>) {
 fn a_picture_and_how_true_it_is() {
     let dir = folder();
     let d = dir.path();
-    let args = [&["render", "ball.vug", "-o", "a.png", "--report", "a.json"], &FAST[..]].concat();
+    let args = [&["render", "ball.vug", "-o", "a.png", "--report", "a.json", "--lod-pixels", "2"], &FAST[..]].concat();
     let text = ok(d, &args);
     assert!(text.contains("off by at most") && text.contains("cpu"), "{text}");
     let (w, h, bytes) = pixels(&d.join("a.png"));

@@ -1,11 +1,14 @@
 //! A level on the GPU: payload bytes go to textures and buffers as they are.
 
 use super::device::Gpu;
-use super::level::{Filled, HostLevel, LevelLayout, LevelTarget, TexelFormat, TextureLayout, fill};
-use crate::error::{Code, Result};
+use super::level::{Filled, HostLevel, LevelLayout, LevelTarget, TexelFormat, TextureLayout, copy_rows, fill};
+use crate::error::{Code, Error, Result};
 use crate::geometry::Coord;
 use crate::volume::Volume;
 
+/// Most bytes of a texture that are gathered before they are written: rows of a single brick are so short that copying each costs
+/// more than its bytes, and a texture that is written at once need not be cleared before.
+const SLAB_BYTES: u64 = 64 << 20;
 /// Bytes that are written between submissions: what has been written waits in memory until then.
 const BATCH_BYTES: u64 = 64 << 20;
 
@@ -43,6 +46,8 @@ pub struct GpuLevel {
     pub tables: Option<[wgpu::Buffer; 2]>,
     /// What was written.
     pub filled: Filled,
+    /// Bytes that went to the device: more than were written where gathered bricks had gaps, which are 0.
+    pub sent: u64,
 }
 
 impl GpuLevel {
@@ -65,11 +70,54 @@ impl GpuLevel {
             }
             _ => e,
         })?;
-        let mut store = Uploading { gpu, layout: &layout, textures, pages: Vec::new(), tables: None, waiting: 0 };
+        let mut store = Uploading {
+            gpu,
+            layout: &layout,
+            textures,
+            pages: Vec::new(),
+            tables: None,
+            slabs: Vec::new(),
+            gathers: true,
+            waiting: 0,
+            sent: 0,
+        };
         let filled = fill(volume, &layout, wanted, &mut store, progress)?;
+        store.flush_all()?;
         store.submit()?;
-        let Uploading { textures, pages, tables, .. } = store;
-        Ok(GpuLevel { layout, textures, pages, tables, filled })
+        let Uploading { textures, pages, tables, sent, .. } = store;
+        Ok(GpuLevel { layout, textures, pages, tables, filled, sent })
+    }
+
+    /// Uploads more bricks of the level, beside those that are there. Pages of streams are whole: those are uploaded anew.
+    ///
+    /// # Errors
+    /// As [`GpuLevel::upload`]; `E_PARAM` for levels in pages.
+    pub fn add(
+        &mut self,
+        gpu: &Gpu,
+        volume: &Volume,
+        wanted: &dyn Fn(Coord) -> bool,
+        progress: &mut dyn FnMut(u64, u64),
+    ) -> Result<()> {
+        if self.layout.pages.is_some() {
+            return Err(Error::param("source", "pages of streams take no more bricks; upload the level anew"));
+        }
+        let mut store = Uploading {
+            gpu,
+            layout: &self.layout,
+            textures: self.textures.clone(),
+            pages: Vec::new(),
+            tables: None,
+            slabs: Vec::new(),
+            gathers: false, // the gaps of what is gathered would be written over what is there
+            waiting: 0,
+            sent: 0,
+        };
+        let filled = fill(volume, &self.layout, wanted, &mut store, progress)?;
+        store.submit()?;
+        self.sent += store.sent;
+        self.filled = self.filled.plus(&filled);
+        Ok(())
     }
 }
 
@@ -82,13 +130,23 @@ impl GpuLevel {
         let layout = &host.layout;
         let make = || layout.textures.iter().map(|t| texture(gpu, t, wgpu::TextureUsages::COPY_DST)).collect();
         let textures = gpu.checked(make)?;
-        let mut store = Uploading { gpu, layout, textures, pages: Vec::new(), tables: None, waiting: 0 };
+        let mut store = Uploading {
+            gpu,
+            layout,
+            textures,
+            pages: Vec::new(),
+            tables: None,
+            slabs: Vec::new(),
+            gathers: true,
+            waiting: 0,
+            sent: 0,
+        };
         for (i, texels) in host.textures.iter().enumerate() {
             let t = &layout.textures[i];
             // Slice by slice: the whole may be more than can wait.
             let slice = texels.len() / t.size[2] as usize;
             for (z, texels) in (0..).zip(texels.chunks_exact(slice)) {
-                store.write(i, [0, 0, z], [t.size[0], t.size[1], 1], texels)?;
+                store.send(i, [0, 0, z], [t.size[0], t.size[1], 1], texels, [t.size[0], t.size[1]])?;
             }
         }
         for page in &host.pages {
@@ -98,8 +156,8 @@ impl GpuLevel {
             store.tables(host.table.clone(), host.books.clone())?;
         }
         store.submit()?;
-        let Uploading { textures, pages, tables, .. } = store;
-        Ok(GpuLevel { layout: layout.clone(), textures, pages, tables, filled: host.filled })
+        let Uploading { textures, pages, tables, sent, .. } = store;
+        Ok(GpuLevel { layout: layout.clone(), textures, pages, tables, filled: host.filled, sent })
     }
 }
 
@@ -126,8 +184,40 @@ struct Uploading<'a> {
     textures: Vec<wgpu::Texture>,
     pages: Vec<wgpu::Buffer>,
     tables: Option<[wgpu::Buffer; 2]>,
-    /// Bytes written since the last submission.
+    /// What is gathered of some textures.
+    slabs: Vec<Slab>,
+    /// Whether anything is.
+    gathers: bool,
+    /// Bytes sent since the last submission.
     waiting: u64,
+    sent: u64,
+}
+
+/// Slices of a texture, gathered from bricks.
+struct Slab {
+    texture: usize,
+    /// First slice.
+    z: u32,
+    /// Texels, per axis.
+    size: [u32; 3],
+    texels: Vec<u8>,
+    /// Origin (in the texture) and size of what has been written.
+    parts: Vec<([u32; 3], [u32; 3])>,
+    written: usize,
+}
+
+impl Slab {
+    fn take(&mut self, t: &TextureLayout, origin: [u32; 3], size: [u32; 3], bytes: &[u8]) {
+        let texel = t.format.bytes() as usize;
+        let row = size[0] as usize * texel;
+        let pitch = self.size[0] as usize * texel;
+        for (z, slice) in (origin[2] - self.z..).zip(bytes.chunks_exact(row * size[1] as usize)) {
+            let first = (origin[1] as usize + self.size[1] as usize * z as usize) * pitch + origin[0] as usize * texel;
+            copy_rows(&mut self.texels[first..], pitch, slice, row);
+        }
+        self.parts.push((origin, size));
+        self.written += bytes.len();
+    }
 }
 
 impl Uploading<'_> {
@@ -137,7 +227,90 @@ impl Uploading<'_> {
         self.gpu.wait()
     }
 
+    /// The slab of `texture` that holds slice `z`, where bricks of this texture are gathered at all.
+    fn slab(&mut self, texture: usize, z: u32) -> Result<Option<&mut Slab>> {
+        let t = &self.layout.textures[texture];
+        let slice = t.bytes() / u64::from(t.size[2]);
+        let depth = if t.bytes() <= SLAB_BYTES { t.size[2] } else { t.per_brick[2] };
+        // Bricks of levels in tiles do not come in the order of slices.
+        if !self.gathers || !self.layout.fold.is_flat() || slice * u64::from(depth) > 4 * SLAB_BYTES {
+            return Ok(None);
+        }
+        let first = z / depth * depth;
+        let found = match self.slabs.iter().position(|s| s.texture == texture) {
+            Some(i) if self.slabs[i].z == first => i,
+            Some(i) => {
+                let slab = self.slabs.swap_remove(i);
+                self.flush(&slab)?;
+                let (texels, parts) = (slab.texels, slab.parts);
+                self.begin(texture, first, depth, texels, parts)
+            }
+            None => self.begin(texture, first, depth, Vec::new(), Vec::new()),
+        };
+        Ok(self.slabs.get_mut(found))
+    }
+
+    /// Begins a slab in the memory of the one before.
+    fn begin(
+        &mut self,
+        texture: usize,
+        z: u32,
+        depth: u32,
+        mut texels: Vec<u8>,
+        mut parts: Vec<([u32; 3], [u32; 3])>,
+    ) -> usize {
+        let t = &self.layout.textures[texture];
+        let size = [t.size[0], t.size[1], depth.min(t.size[2] - z)];
+        let len = size.iter().fold(t.format.bytes() as usize, |n, &v| n * v as usize);
+        texels.clear();
+        texels.resize(len, 0);
+        parts.clear();
+        self.slabs.push(Slab { texture, z, size, texels, parts, written: 0 });
+        self.slabs.len() - 1
+    }
+
+    fn flush(&mut self, slab: &Slab) -> Result<()> {
+        let rows = [slab.size[0], slab.size[1]];
+        // Where most is missing, only what is there is sent.
+        if slab.written * 2 >= slab.texels.len() {
+            return self.send(slab.texture, [0, 0, slab.z], slab.size, &slab.texels, rows);
+        }
+        let texel = self.layout.textures[slab.texture].format.bytes() as usize;
+        for (origin, size) in &slab.parts {
+            let [x, y, z] = [origin[0], origin[1], origin[2] - slab.z].map(|v| v as usize);
+            let from = (x + rows[0] as usize * (y + rows[1] as usize * z)) * texel;
+            self.send(slab.texture, *origin, *size, &slab.texels[from..], rows)?;
+        }
+        Ok(())
+    }
+
+    fn flush_all(&mut self) -> Result<()> {
+        while let Some(slab) = self.slabs.pop() {
+            self.flush(&slab)?;
+        }
+        Ok(())
+    }
+
+    /// Writes a box of texels that lie in `bytes` in rows of `rows[0]` texels, `rows[1]` rows a slice.
+    fn send(&mut self, texture: usize, origin: [u32; 3], size: [u32; 3], bytes: &[u8], rows: [u32; 2]) -> Result<()> {
+        let [x, y, z] = origin;
+        let [width, height, depth_or_array_layers] = size;
+        let texel = self.layout.textures[texture].format.bytes();
+        self.gpu.queue.write_texture(
+            wgpu::TexelCopyTextureInfo { origin: wgpu::Origin3d { x, y, z }, ..self.textures[texture].as_image_copy() },
+            bytes,
+            wgpu::TexelCopyBufferLayout {
+                offset: 0,
+                bytes_per_row: Some(rows[0] * texel),
+                rows_per_image: Some(rows[1]),
+            },
+            wgpu::Extent3d { width, height, depth_or_array_layers },
+        );
+        self.wrote(size.iter().map(|&v| v as usize).product::<usize>() * texel as usize)
+    }
+
     fn wrote(&mut self, bytes: usize) -> Result<()> {
+        self.sent += bytes as u64;
         self.waiting += bytes as u64;
         if self.waiting < BATCH_BYTES { Ok(()) } else { self.submit() }
     }
@@ -158,19 +331,14 @@ impl Uploading<'_> {
 
 impl LevelTarget for Uploading<'_> {
     fn write(&mut self, texture: usize, origin: [u32; 3], size: [u32; 3], bytes: &[u8]) -> Result<()> {
-        let [x, y, z] = origin;
-        let [width, height, depth_or_array_layers] = size;
-        self.gpu.queue.write_texture(
-            wgpu::TexelCopyTextureInfo { origin: wgpu::Origin3d { x, y, z }, ..self.textures[texture].as_image_copy() },
-            bytes,
-            wgpu::TexelCopyBufferLayout {
-                offset: 0,
-                bytes_per_row: Some(width * self.layout.textures[texture].format.bytes()),
-                rows_per_image: Some(height),
-            },
-            wgpu::Extent3d { width, height, depth_or_array_layers },
-        );
-        self.wrote(bytes.len())
+        let layout = self.layout;
+        match self.slab(texture, origin[2])? {
+            Some(slab) => {
+                slab.take(&layout.textures[texture], origin, size, bytes);
+                Ok(())
+            }
+            None => self.send(texture, origin, size, bytes, [size[0], size[1]]),
+        }
     }
 
     fn page(&mut self, words: Vec<u32>) -> Result<()> {

@@ -121,3 +121,30 @@ pub fn spaced(spacing: [f64; 3], origin: [f64; 3]) -> Placement {
 pub const LENSES: [Lens; 2] = [Lens::Perspective, Lens::Orthographic];
 pub const PROJECTIONS: [Projection; 5] =
     [Projection::Composite, Projection::Maximum, Projection::Minimum, Projection::Mean, Projection::Iso];
+
+/// A series of `steps` volumes of u8 in bricks of 16³, s3dc.
+pub fn series_of(extent: Extent, steps: u32, f: impl Fn([u32; 3], u32) -> u8) -> Arc<Volume> {
+    use vug::codec::{
+        Codec,
+        s3dc::{Endpoints, Params},
+    };
+    use vug::volume::{At, Shape, VolumeWriter};
+    let codec = Codec::S3dc(Params::new(4, Extent::cube(4), Endpoints::MinMax).unwrap());
+    let shape = Shape { time_steps: steps, ..Shape::single(extent, vug::SampleType::U8) };
+    let mut file = Cursor::new(Vec::new());
+    let mut writer = VolumeWriter::create(&mut file, shape, codec, 4, &EncodeOptions::default()).unwrap();
+    for time in 0..steps {
+        let grid = Grid::from_fn(extent, |c| f(c, time)).unwrap();
+        for z in 0..extent.z.div_ceil(16) {
+            for y in 0..extent.y.div_ceil(16) {
+                for x in 0..extent.x.div_ceil(16) {
+                    let start = [x, y, z].map(|v| v * 16);
+                    let region = vug::Region::at(start, Extent::cube(16)).intersect(&vug::Region::whole(extent));
+                    writer.write_brick(At { time, ..At::default() }, [x, y, z], grid.view().sub(&region)).unwrap();
+                }
+            }
+        }
+    }
+    writer.finish().unwrap();
+    Arc::new(Volume::open(MemorySource(file.into_inner()), Default::default()).unwrap())
+}

@@ -44,6 +44,28 @@ impl HostLevel {
         Ok(HostLevel { layout, textures, pages, table, books, filled })
     }
 
+    /// Loads more bricks of the level, beside those that are there. Pages of streams are whole: those are loaded anew.
+    ///
+    /// # Errors
+    /// As [`HostLevel::load`]; `E_PARAM` for levels in pages.
+    pub fn add(
+        &mut self,
+        volume: &Volume,
+        wanted: &dyn Fn(Coord) -> bool,
+        progress: &mut dyn FnMut(u64, u64),
+    ) -> Result<()> {
+        if self.layout.pages.is_some() {
+            return Err(Error::param("source", "pages of streams take no more bricks; load the level anew"));
+        }
+        let textures = std::mem::take(&mut self.textures);
+        let mut store =
+            Memory { layout: &self.layout, textures, pages: Vec::new(), table: Vec::new(), books: Vec::new() };
+        let filled = fill(volume, &self.layout, wanted, &mut store, progress);
+        self.textures = store.textures;
+        self.filled = self.filled.plus(&filled?);
+        Ok(())
+    }
+
     /// Texel `at` of texture `texture`, each channel as its 32 bits in a shader; 0 outside.
     #[must_use]
     #[inline]
@@ -62,6 +84,22 @@ fn offset(t: &TextureLayout, at: [u32; 3]) -> Option<usize> {
     let inside = (0..3).all(|a| at[a] < t.size[a]);
     let [x, y, z] = at.map(|v| v as usize);
     inside.then(|| (x + t.size[0] as usize * (y + t.size[1] as usize * z)) * t.format.bytes() as usize)
+}
+
+/// Copies rows of `row` bytes that lie side by side in `from` to where they lie `pitch` bytes apart.
+pub(crate) fn copy_rows(to: &mut [u8], pitch: usize, from: &[u8], row: usize) {
+    // A row of a brick is often so short that a call to copy it would take longer than its bytes.
+    fn short<const N: usize>(to: &mut [u8], pitch: usize, from: &[u8]) {
+        for (to, from) in to.chunks_mut(pitch).zip(from.as_chunks::<N>().0) {
+            to[..N].copy_from_slice(from);
+        }
+    }
+    match row {
+        16 => short::<16>(to, pitch, from),
+        32 => short::<32>(to, pitch, from),
+        64 => short::<64>(to, pitch, from),
+        _ => to.chunks_mut(pitch).zip(from.chunks_exact(row)).for_each(|(to, from)| to[..row].copy_from_slice(from)),
+    }
 }
 
 fn zeros(t: &TextureLayout) -> Result<Vec<u8>> {
@@ -87,14 +125,11 @@ struct Memory<'a> {
 impl LevelTarget for Memory<'_> {
     fn write(&mut self, texture: usize, origin: [u32; 3], size: [u32; 3], bytes: &[u8]) -> Result<()> {
         let t = &self.layout.textures[texture];
-        let row = size[0] as usize * t.format.bytes() as usize;
-        let mut rows = bytes.chunks_exact(row);
-        for z in 0..size[2] {
-            for y in 0..size[1] {
-                let place = offset(t, [origin[0], origin[1] + y, origin[2] + z]);
-                if let (Some(from), Some(bytes)) = (place, rows.next()) {
-                    self.textures[texture][from..from + row].copy_from_slice(bytes);
-                }
+        let texel = t.format.bytes() as usize;
+        let (row, pitch) = (size[0] as usize * texel, t.size[0] as usize * texel);
+        for (z, slice) in (0..size[2]).zip(bytes.chunks_exact(row * size[1] as usize)) {
+            if let Some(from) = offset(t, [origin[0], origin[1], origin[2] + z]) {
+                copy_rows(&mut self.textures[texture][from..], pitch, slice, row);
             }
         }
         Ok(())

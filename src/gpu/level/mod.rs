@@ -19,6 +19,7 @@ pub(crate) use fit::readable;
 pub use fit::{Fit, PAGE_BYTES};
 pub use fold::Fold;
 pub use host::HostLevel;
+pub(crate) use host::copy_rows;
 pub use texel::TexelFormat;
 
 use crate::codec::{Codec, zerobit};
