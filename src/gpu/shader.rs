@@ -310,6 +310,7 @@ impl PipelineKey {
                 add(4, "visible", BindingKind::Texture(Texel::Uint));
             }
         }
+        all.sort_by_key(|b| (b.group, b.binding));
         all
     }
 
