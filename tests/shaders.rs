@@ -4,7 +4,9 @@
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 use naga::{AddressSpace, TypeInner};
 use vug::gpu::key::{Form, Gradient, Texel};
-use vug::gpu::layout::{Frame, Point, VolumeParams};
+use vug::gpu::layout::{DecodeParams, Frame, Point, VolumeParams};
+use vug::gpu::level::TexelFormat;
+use vug::gpu::pass::decode;
 use vug::gpu::{Effect, Effects, Lens, PipelineKey, Projection, Sampler, Traversal, VolumeKey};
 
 fn forms() -> Vec<VolumeKey> {
@@ -84,13 +86,24 @@ fn keys() -> Vec<PipelineKey> {
 }
 
 fn parse(key: &PipelineKey) -> naga::Module {
-    let text = key.wgsl();
+    parse_text(&key.wgsl(), &format!("{key:?}"))
+}
+
+fn parse_text(text: &str, what: &str) -> naga::Module {
     let module =
-        naga::front::wgsl::parse_str(&text).unwrap_or_else(|e| panic!("{key:?}\n{}\n{text}", e.emit_to_string(&text)));
+        naga::front::wgsl::parse_str(text).unwrap_or_else(|e| panic!("{what}\n{}\n{text}", e.emit_to_string(text)));
     Validator::new(ValidationFlags::all(), Capabilities::empty())
         .validate(&module)
-        .unwrap_or_else(|e| panic!("{key:?}\n{}\n{text}", e.emit_to_string(&text)));
+        .unwrap_or_else(|e| panic!("{what}\n{}\n{text}", e.emit_to_string(text)));
     module
+}
+
+fn check_structure(module: &naga::Module, name: &str, fields: &[(&str, usize)], size: usize) {
+    let (_, ty) = module.types.iter().find(|(_, t)| t.name.as_deref() == Some(name)).unwrap();
+    let TypeInner::Struct { members, span } = &ty.inner else { panic!("{name} is no structure") };
+    assert_eq!(*span as usize, size, "{name}");
+    let found: Vec<_> = members.iter().map(|m| (m.name.as_deref().unwrap(), m.offset as usize)).collect();
+    assert_eq!(found, fields, "{name}");
 }
 
 #[test]
@@ -120,6 +133,21 @@ fn every_shader_is_valid_and_binds_what_its_key_says() {
 }
 
 #[test]
+fn decode_passes_are_valid() {
+    for key in forms().into_iter().filter(|k| !matches!(k.form, Form::Raw(_))) {
+        let formats: &[TexelFormat] = match key.colour {
+            true => &[TexelFormat::Rgba8Uint, TexelFormat::Rgba8Unorm],
+            false => &[TexelFormat::R32Float],
+        };
+        for &format in formats {
+            let text = decode::shader(&key, format).unwrap();
+            let module = parse_text(&text, &format!("{key:?} {format:?}"));
+            check_structure(&module, "DecodeParams", DecodeParams::FIELDS, size_of::<DecodeParams>());
+        }
+    }
+}
+
+#[test]
 fn structures_lie_alike_on_both_sides() {
     let module = parse(&keys()[0]);
     let due: [(&str, &[(&str, usize)], usize); 3] = [
@@ -128,11 +156,7 @@ fn structures_lie_alike_on_both_sides() {
         ("VolumeParams", VolumeParams::FIELDS, size_of::<VolumeParams>()),
     ];
     for (name, fields, size) in due {
-        let (_, ty) = module.types.iter().find(|(_, t)| t.name.as_deref() == Some(name)).unwrap();
-        let TypeInner::Struct { members, span } = &ty.inner else { panic!("{name} is no structure") };
-        assert_eq!(*span as usize, size, "{name}");
-        let found: Vec<_> = members.iter().map(|m| (m.name.as_deref().unwrap(), m.offset as usize)).collect();
-        assert_eq!(found, fields, "{name}");
+        check_structure(&module, name, fields, size);
     }
     assert!(module.global_variables.iter().any(|(_, v)| v.space == AddressSpace::Uniform));
 }

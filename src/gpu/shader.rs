@@ -310,6 +310,7 @@ impl PipelineKey {
                 add(4, "visible", BindingKind::Texture(Texel::Uint));
             }
         }
+        all.sort_by_key(|b| (b.group, b.binding));
         all
     }
 
@@ -337,9 +338,9 @@ impl VolumeKey {
         flag("colour", self.colour);
         let (texel, float) = match self.form {
             Form::Raw(texel) | Form::S3dc(texel) => (texel, texel == Texel::Float),
-            Form::Zerobit { new, wide, signed, .. } => {
+            Form::Zerobit { new, signed, .. } => {
+                flag("zerobit", true);
                 flag("new_stream", new);
-                flag("wide", wide);
                 flag("signed", signed);
                 (Texel::Uint, false)
             }

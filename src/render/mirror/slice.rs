@@ -9,17 +9,37 @@ use super::real::Real;
 use super::shade::shade;
 use super::{Frame, Volume, classify, slope, value};
 use crate::gpu::Effect;
+use std::ops::Range;
 
 /// The colour of a pixel: its part of all slabs, blended from the front to the back. `frame.samples` is the number of slabs,
 /// `frame.nearest` where the first begins.
 pub fn slices<R: Real>(frame: &Frame<R>, volumes: &[&[Volume<'_, R>]], ray: &Ray<R>, n: &mut impl Counter) -> [R; 4] {
     let mut sum = [R::of(0.0); 4];
-    for k in 0..frame.samples {
+    for k in met(frame, volumes, ray) {
         let one = seen(frame, volumes, ray, k, n);
         let rest = R::of(1.0) - sum[3];
         sum = std::array::from_fn(|a| sum[a] + rest * one[a]);
     }
     sum
+}
+
+/// The slabs in which a ray may be inside a volume; all others add nothing to it.
+fn met<R: Real>(frame: &Frame<R>, volumes: &[&[Volume<'_, R>]], ray: &Ray<R>) -> Range<u32> {
+    let far = R::of(3.0e38);
+    let mut all = [far, -far];
+    for v in volumes.iter().map(|v| &v[0]) {
+        let origin = origin_of(ray, v.base, v.right_at, v.up_at);
+        let direction = direction_of(frame, ray, v.forward, v.right, v.up);
+        let span = clip_ray(origin, direction, v.box_lo, v.box_hi, [-far, far]);
+        if span[0] < span[1] {
+            all = [all[0].min(span[0]), all[1].max(span[1])];
+        }
+    }
+    let slab = |t: R| ((t / ray.norm - frame.nearest) / frame.step).to_f64();
+    // One more at both ends: rounding must lose none.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturating is what is meant")]
+    let [first, end] = [slab(all[0]).floor() - 1.0, slab(all[1]).ceil() + 1.0].map(|k| k as u32);
+    first..end.min(frame.samples)
 }
 
 /// What slab k adds to a ray that nothing hides.
