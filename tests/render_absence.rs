@@ -101,10 +101,15 @@ fn without_an_effect_the_text_is_as_if_it_had_never_been_written() {
             let stripped = never_written(text, effect.name());
             removed += usize::from(stripped.lines().count() < text.lines().count());
             for flags in [vec!["composite", "perspective"], vec!["composite", "many"], vec!["extreme"], vec![]] {
-                let choice = Choice { flags: flags.into_iter().collect(), volumes: vec![Default::default()], words: vec![] };
+                let choice =
+                    Choice { flags: flags.into_iter().collect(), volumes: vec![Default::default()], words: vec![] };
                 let own = text.contains("_V") && !text.contains("//+each");
                 let volume = own.then_some(0);
-                assert_eq!(compose(name, text, &choice, volume).unwrap(), compose(name, &stripped, &choice, volume).unwrap(), "{name} {effect}");
+                assert_eq!(
+                    compose(name, text, &choice, volume).unwrap(),
+                    compose(name, &stripped, &choice, volume).unwrap(),
+                    "{name} {effect}"
+                );
             }
         }
     }
@@ -152,7 +157,12 @@ fn work_is_that_of_the_effects_asked_for() {
     let lit = work(&neutral);
     assert!(lit.gradients > 0 && lit.fetches() > bare.fetches());
     assert_eq!((lit.samples - bare.samples, lit.lookups), (0, bare.lookups));
-    assert_close(&picture(&neutral, &volume, &Backend::Cpu), &picture(&base, &volume, &Backend::Cpu), 0.0, "a light of 1");
+    assert_close(
+        &picture(&neutral, &volume, &Backend::Cpu),
+        &picture(&base, &volume, &Backend::Cpu),
+        0.0,
+        "a light of 1",
+    );
     // No step of a reference length is corrected, but the last of each ray.
     let mut whole = base.clone();
     whole.step = 1.0;

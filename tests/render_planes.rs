@@ -67,11 +67,7 @@ fn slices_and_rays_make_the_same_picture() {
     let extent = Extent::new(40, 33, 37);
     let volume = encoded(&mut hill_u8(extent), s3dc(4, [4, 4, 4]));
     for lens in LENSES {
-        for (what, change) in [
-            ("plain", None),
-            ("lit", Some(0)),
-            ("clipped", Some(1)),
-        ] {
+        for (what, change) in [("plain", None), ("lit", Some(0)), ("clipped", Some(1))] {
             let mut rays = plain(&volume, fog(), [64, 56]);
             rays.camera.lens = lens;
             match change {
@@ -80,7 +76,8 @@ fn slices_and_rays_make_the_same_picture() {
                 None => {}
             }
             let slices = Scene { traversal: Traversal::Slice, ..rays.clone() };
-            let (of_rays, of_slices) = (picture(&rays, &volume, &Backend::Cpu), picture(&slices, &volume, &Backend::Cpu));
+            let (of_rays, of_slices) =
+                (picture(&rays, &volume, &Backend::Cpu), picture(&slices, &volume, &Backend::Cpu));
             assert_seen(&of_rays, what);
             let found = psnr(&of_rays, &of_slices);
             println!("{lens}, {what}: {found:.1} dB");
@@ -122,13 +119,15 @@ fn planes_through_voxel_centres_show_the_voxels() {
                 point[axis] = at.into();
                 let mut normal = [0.0; 3];
                 normal[axis] = -2.5;
-                let scene = Scene { camera: camera.clone(), sampler, ..cut(&volume, grey(), size, Plane { point, normal }) };
+                let scene =
+                    Scene { camera: camera.clone(), sampler, ..cut(&volume, grey(), size, Plane { point, normal }) };
                 let renderer = Renderer::new(scene, vec![volume.clone()], Backend::Cpu, &|_, _, _| {}).unwrap();
                 let image = renderer.picture(&|_, _, _| {}).unwrap().image;
                 let (right, up) = (renderer.plan().view.right, renderer.plan().view.up);
                 for y in 0..size[1] {
                     for x in 0..size[0] {
-                        let film = [f64::from(x) - f64::from(size[0] - 1) / 2.0, f64::from(size[1] - 1) / 2.0 - f64::from(y)];
+                        let film =
+                            [f64::from(x) - f64::from(size[0] - 1) / 2.0, f64::from(size[1] - 1) / 2.0 - f64::from(y)];
                         let c: [u32; 3] = std::array::from_fn(|a| {
                             let middle = f64::from(extent.to_array()[a] - 1) / 2.0;
                             if a == axis { at } else { (middle + film[0] * right[a] + film[1] * up[a]) as u32 }
@@ -148,8 +147,9 @@ fn planes_that_miss_show_nothing_and_no_plane_is_an_error() {
     let extent = Extent::new(21, 14, 18);
     let volume = encoded(&mut hill_u8(extent), raw());
     let (camera, size) = facing(2, extent);
-    let scene = |point: [f64; 3], normal: [f64; 3]| {
-        Scene { camera: camera.clone(), ..cut(&volume, grey(), size, Plane { point, normal }) }
+    let scene = |point: [f64; 3], normal: [f64; 3]| Scene {
+        camera: camera.clone(),
+        ..cut(&volume, grey(), size, Plane { point, normal })
     };
     // Beyond the volume, behind the eye, along the rays.
     for (point, normal) in

@@ -33,7 +33,8 @@ impl Sampled {
 
     fn with<R: Real, T>(&self, f: impl FnOnce(&mirror::Frame<R>, &mirror::Volume<'_, R>) -> T) -> T {
         let lies = Lies::of(&self.plan.levels[0], &self.plan.view, self.plan.step).unwrap();
-        f(&frame(&self.plan, &self.scene, &self.plan.view), &lies.volume(&self.level, &[], &self.scene.volumes[0].transfer))
+        let frame = frame(&self.plan, &self.scene, &self.plan.view, &[lies]);
+        f(&frame, &lies.volume(&self.level, &[], &self.scene.volumes[0].transfer))
     }
 
     fn value<R: Real>(&self, p: [R; 3]) -> (R, Work) {
@@ -49,12 +50,17 @@ fn places(extent: Extent, count: u32) -> impl Iterator<Item = [f64; 3]> {
     let n = extent.to_array().map(f64::from);
     (0..count).map(move |i| {
         let r = |k: f64| (f64::from(i) * k).fract();
-        [2.0 + r(0.754_877_666) * (n[0] - 6.0), 2.0 + r(0.569_840_290) * (n[1] - 6.0), 2.0 + r(0.438_447_187) * (n[2] - 6.0)]
+        [
+            2.0 + r(0.754_877_666) * (n[0] - 6.0),
+            2.0 + r(0.569_840_290) * (n[1] - 6.0),
+            2.0 + r(0.438_447_187) * (n[2] - 6.0),
+        ]
     })
 }
 
 fn noise(extent: Extent) -> Grid {
-    let hash = |c: [u32; 3]| c[0].wrapping_mul(2_654_435_761) ^ c[1].wrapping_mul(40_503) ^ c[2].wrapping_mul(2_246_822_519);
+    let hash =
+        |c: [u32; 3]| c[0].wrapping_mul(2_654_435_761) ^ c[1].wrapping_mul(40_503) ^ c[2].wrapping_mul(2_246_822_519);
     Grid::from_fn(extent, |c| (hash(c) >> 13) as u16).unwrap()
 }
 
@@ -84,7 +90,9 @@ fn voxels_are_met_exactly_at_their_centres_and_continued_outside() {
                     }
                 }
             }
-            for (outside, inside) in [([-3.0, -0.5, 400.0], [0, 0, 20]), ([18.5, 16.5, 20.5], [18, 16, 20]), ([1e9, -1e9, 7.0], [18, 0, 7])] {
+            for (outside, inside) in
+                [([-3.0, -0.5, 400.0], [0, 0, 20]), ([18.5, 16.5, 20.5], [18, 16, 20]), ([1e9, -1e9, 7.0], [18, 0, 7])]
+            {
                 let exact = volume.voxel(At::default(), inside).unwrap().component(0);
                 assert_eq!(sampled.value::<f64>(outside).0, exact, "{sampler} {outside:?}");
             }
@@ -95,7 +103,11 @@ fn voxels_are_met_exactly_at_their_centres_and_continued_outside() {
 #[test] // hard case: K-22
 fn across_a_border_of_blocks_a_value_lies_between_its_corners() {
     // Blocks of two: all of one block small, all of the next large.
-    let mut grid = Grid::from_fn(Extent::cube(16), |c| if (c[0] / 2 + c[1] / 2 + c[2] / 2) % 2 == 0 { 10 + c[0] } else { 60_000 + c[1] } as u16).unwrap();
+    let mut grid = Grid::from_fn(
+        Extent::cube(16),
+        |c| if (c[0] / 2 + c[1] / 2 + c[2] / 2) % 2 == 0 { 10 + c[0] } else { 60_000 + c[1] } as u16,
+    )
+    .unwrap();
     let volume = encoded(&mut grid, s3dc(4, [2, 2, 2]));
     let sampled = Sampled::of(&volume, Sampler::LinearOpt, Gradient::Naive);
     for p in places(Extent::cube(16), 500) {
@@ -160,7 +172,10 @@ fn saving_fetches_changes_no_bit() {
         }
         let mean = sum / f64::from(count);
         let deviation = ((squares / f64::from(count) - mean * mean) / f64::from(count)).sqrt();
-        println!("{bits} bits, block {block}³: {mean:.2} fetches a sample ({due} expected), {:.1} a gradient, {most} at most", fetched / f64::from(count));
+        println!(
+            "{bits} bits, block {block}³: {mean:.2} fetches a sample ({due} expected), {:.1} a gradient, {most} at most",
+            fetched / f64::from(count)
+        );
         assert!((mean - due).abs() <= 3.0 * deviation + 0.01, "{mean} ± {deviation}, {due} expected");
         assert!(most <= 64, "{most}");
         let gradient = [(4, 16, 18.6), (8, 16, 23.6)].iter().find(|g| (g.0, g.1) == (bits, block));

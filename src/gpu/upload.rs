@@ -2,7 +2,7 @@
 
 use super::device::Gpu;
 use super::level::{Filled, HostLevel, LevelLayout, LevelTarget, TexelFormat, TextureLayout, copy_rows, fill};
-use crate::error::{Code, Result};
+use crate::error::{Code, Error, Result};
 use crate::geometry::Coord;
 use crate::volume::Volume;
 
@@ -77,6 +77,7 @@ impl GpuLevel {
             pages: Vec::new(),
             tables: None,
             slabs: Vec::new(),
+            gathers: true,
             waiting: 0,
             sent: 0,
         };
@@ -85,6 +86,38 @@ impl GpuLevel {
         store.submit()?;
         let Uploading { textures, pages, tables, sent, .. } = store;
         Ok(GpuLevel { layout, textures, pages, tables, filled, sent })
+    }
+
+    /// Uploads more bricks of the level, beside those that are there. Pages of streams are whole: those are uploaded anew.
+    ///
+    /// # Errors
+    /// As [`GpuLevel::upload`]; `E_PARAM` for levels in pages.
+    pub fn add(
+        &mut self,
+        gpu: &Gpu,
+        volume: &Volume,
+        wanted: &dyn Fn(Coord) -> bool,
+        progress: &mut dyn FnMut(u64, u64),
+    ) -> Result<()> {
+        if self.layout.pages.is_some() {
+            return Err(Error::param("source", "pages of streams take no more bricks; upload the level anew"));
+        }
+        let mut store = Uploading {
+            gpu,
+            layout: &self.layout,
+            textures: self.textures.clone(),
+            pages: Vec::new(),
+            tables: None,
+            slabs: Vec::new(),
+            gathers: false, // the gaps of what is gathered would be written over what is there
+            waiting: 0,
+            sent: 0,
+        };
+        let filled = fill(volume, &self.layout, wanted, &mut store, progress)?;
+        store.submit()?;
+        self.sent += store.sent;
+        self.filled = self.filled.plus(&filled);
+        Ok(())
     }
 }
 
@@ -104,6 +137,7 @@ impl GpuLevel {
             pages: Vec::new(),
             tables: None,
             slabs: Vec::new(),
+            gathers: true,
             waiting: 0,
             sent: 0,
         };
@@ -152,6 +186,8 @@ struct Uploading<'a> {
     tables: Option<[wgpu::Buffer; 2]>,
     /// What is gathered of some textures.
     slabs: Vec<Slab>,
+    /// Whether anything is.
+    gathers: bool,
     /// Bytes sent since the last submission.
     waiting: u64,
     sent: u64,
@@ -197,7 +233,7 @@ impl Uploading<'_> {
         let slice = t.bytes() / u64::from(t.size[2]);
         let depth = if t.bytes() <= SLAB_BYTES { t.size[2] } else { t.per_brick[2] };
         // Bricks of levels in tiles do not come in the order of slices.
-        if !self.layout.fold.is_flat() || slice * u64::from(depth) > 4 * SLAB_BYTES {
+        if !self.gathers || !self.layout.fold.is_flat() || slice * u64::from(depth) > 4 * SLAB_BYTES {
             return Ok(None);
         }
         let first = z / depth * depth;

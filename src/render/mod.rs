@@ -31,7 +31,7 @@ use crate::gpu::pipeline::Pipelines;
 use crate::volume::Volume;
 use camera::View;
 use mirror::{Real, Work};
-use plan::Plan;
+use plan::{BrickMask, Plan};
 use scene::Scene;
 use serde::Serialize;
 use std::sync::Arc;
@@ -108,6 +108,8 @@ pub struct Renderer {
     backend: Backend,
     plan: Plan,
     loaded: Loaded,
+    /// Bricks of each level that are in memory.
+    resident: Vec<BrickMask>,
     pipelines: Arc<Pipelines>,
     loading: Vec<PassTime>,
 }
@@ -127,7 +129,8 @@ impl Renderer {
         let plan = Plan::new(&scene, &refs, &backend.fit())?;
         let pipelines = Arc::new(Pipelines::default());
         let (loaded, loading) = load(&plan, &volumes, &backend, &pipelines, progress)?;
-        Ok(Renderer { scene, volumes, backend, plan, loaded, pipelines, loading })
+        let resident = plan.levels.iter().map(|l| l.wanted.clone()).collect();
+        Ok(Renderer { scene, volumes, backend, plan, loaded, resident, pipelines, loading })
     }
 
     /// The plan.
@@ -233,9 +236,31 @@ impl Renderer {
         scene.volumes[volume].transfer = transfer;
         let refs: Vec<&Volume> = self.volumes.iter().map(|v| &**v).collect();
         let plan = Plan::new(&scene, &refs, &self.backend.fit())?;
+        for (i, planned) in plan.levels.iter().enumerate() {
+            let there = &self.resident[i];
+            let fresh = BrickMask::choose(there.size(), |b| planned.wanted.has(b) && !there.has(b));
+            if fresh.count() == 0 {
+                continue;
+            }
+            let volume = &self.volumes[planned.volume];
+            match &mut self.loaded {
+                Loaded::Gpu(scene) => scene.add(i, planned, &fresh, volume, progress)?,
+                Loaded::Host(levels) if planned.layout.pages.is_some() => {
+                    let wanted = |brick| planned.wanted.has(brick);
+                    let layout = planned.layout.clone();
+                    levels[i] = HostLevel::load(volume, layout, &wanted, &mut |done, of| progress("load", done, of))?;
+                }
+                Loaded::Host(levels) => {
+                    levels[i].add(volume, &|brick| fresh.has(brick), &mut |done, of| progress("load", done, of))?;
+                }
+            }
+            let all = BrickMask::choose(there.size(), |b| planned.wanted.has(b) || there.has(b));
+            self.resident[i] = if planned.layout.pages.is_some() { planned.wanted.clone() } else { all };
+        }
+        if let Loaded::Gpu(loaded) = &mut self.loaded {
+            loaded.show(&plan)?;
+        }
         (self.scene, self.plan) = (scene, plan);
-        let (loaded, loading) = load(&self.plan, &self.volumes, &self.backend, &self.pipelines, progress)?;
-        (self.loaded, self.loading) = (loaded, loading);
         Ok(())
     }
 }

@@ -1,13 +1,14 @@
 //! From a plan to the numbers that shaders and mirror compute with: cameras in index coordinates, steps, control points. In f64,
 //! rounded at the end.
 
-use super::camera::{View, apply, inverse, to_level};
+use super::camera::{View, inverse, to_level};
 use super::mirror::{self, Point, Real, V3, real::vec};
 use super::plan::{Plan, PlannedLevel};
 use super::scene::Scene;
 use super::transfer::TransferFunction;
 use crate::error::Result;
 use crate::gpu::layout;
+use crate::gpu::pass::decode::source_constants;
 use crate::gpu::{Lens, Traversal};
 
 /// Distance ahead of the eye at which rays are said to start: that of the view's centre.
@@ -90,9 +91,10 @@ pub fn frame<R: Real>(plan: &Plan, scene: &Scene, view: &View, lies: &[Lies]) ->
 /// Where the first slab of slices begins (t of the ray of the middle of the film), and how many it takes to the far end of all
 /// volumes.
 fn slabs(plan: &Plan, view: &View, lies: &[Lies]) -> (f64, u32) {
-    let (near, far) = lies.iter().map(Lies::depths).fold((f64::INFINITY, f64::NEG_INFINITY), |all, [near, far]| {
-        (all.0.min(near), all.1.max(far))
-    });
+    let (near, far) = lies
+        .iter()
+        .map(Lies::depths)
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |all, [near, far]| (all.0.min(near), all.1.max(far)));
     let near = near.max(-ahead(view));
     // Rounding may put the far end behind the last slab.
     let count = ((far - near) / plan.step + 1e-6).ceil();
@@ -291,36 +293,15 @@ pub fn frame_bytes(frame: &mirror::Frame<f32>, first_row: u32, rows: u32) -> lay
 /// Values of the `override` constants of a plan's shader.
 #[must_use]
 pub fn overrides(plan: &Plan, scene: &Scene) -> Vec<(String, f64)> {
-    use crate::gpu::key::Form;
-    use crate::gpu::level::Store;
     let mut all = Vec::new();
-    let shown = plan.key.shown();
     for (i, level) in plan.levels.iter().enumerate() {
-        let layout = &level.layout;
-        let mut set = |name: &str, value: f64| all.push((format!("{name}_{i}"), value));
-        set("BRICK_LOG2", layout.brick_log2.into());
-        // At an iso-surface and between two time steps the second volume's function is not asked.
-        if i < shown || plan.key.traversal != Traversal::Slice {
-            let points = scene.volumes[level.volume].transfer.points().len();
-            set("POINTS", points as f64);
-            set("POINTS_TOP", mirror::points_top(points) as f64);
-        }
-        if let (Form::S3dc(_), Store::S3dc { index_bits, block, .. }) = (level.key.form, layout.store) {
-            let edge = 1u32 << layout.brick_log2;
-            let aligned = (0..3).all(|a| layout.bricks[a] == 1 || edge % block[a] == 0);
-            set("INDEX_BITS", index_bits.into());
-            set("WORD_LOG2", f64::from(4 - index_bits.trailing_zeros()));
-            set("BLOCK_X", block[0].into());
-            set("BLOCK_Y", block[1].into());
-            set("BLOCK_Z", block[2].into());
-            set("ALIGNED", f64::from(u8::from(aligned)));
+        all.push((format!("BRICK_LOG2_{i}"), level.layout.brick_log2.into()));
+        let points = scene.volumes[level.volume].transfer.points().len();
+        all.push((format!("POINTS_{i}"), points as f64));
+        all.push((format!("POINTS_TOP_{i}"), mirror::points_top(points) as f64));
+        if level.layout.decoded.is_none() {
+            all.extend(source_constants(&level.layout, i));
         }
     }
     all
-}
-
-/// A vector in index steps, of one in world units.
-#[must_use]
-pub fn in_index(level: &PlannedLevel, v: [f64; 3]) -> Option<[f64; 3]> {
-    Some(apply(&inverse(&level.placement).ok()?, v))
 }

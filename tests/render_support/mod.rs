@@ -124,7 +124,10 @@ pub const PROJECTIONS: [Projection; 5] =
 
 /// A series of `steps` volumes of u8 in bricks of 16³, s3dc.
 pub fn series_of(extent: Extent, steps: u32, f: impl Fn([u32; 3], u32) -> u8) -> Arc<Volume> {
-    use vug::codec::{Codec, s3dc::{Endpoints, Params}};
+    use vug::codec::{
+        Codec,
+        s3dc::{Endpoints, Params},
+    };
     use vug::volume::{At, Shape, VolumeWriter};
     let codec = Codec::S3dc(Params::new(4, Extent::cube(4), Endpoints::MinMax).unwrap());
     let shape = Shape { time_steps: steps, ..Shape::single(extent, vug::SampleType::U8) };

@@ -55,6 +55,20 @@ impl Filled {
     pub const fn bytes(&self) -> u64 {
         self.payload_bytes + self.repacked_bytes + self.filled_bytes + self.table_bytes
     }
+
+    /// Both, where `more` was written later to the same level: what it skipped was there, or nobody wants it.
+    #[must_use]
+    pub const fn plus(&self, more: &Filled) -> Filled {
+        let asked = self.skipped.saturating_sub(more.bricks);
+        Filled {
+            payload_bytes: self.payload_bytes + more.payload_bytes,
+            repacked_bytes: self.repacked_bytes + more.repacked_bytes,
+            filled_bytes: self.filled_bytes + more.filled_bytes,
+            table_bytes: self.table_bytes + more.table_bytes,
+            bricks: self.bricks + more.bricks,
+            skipped: asked,
+        }
+    }
 }
 
 /// Writes the bricks of a level that are `wanted` (position in bricks) to `target`, whose texels are all 0. `progress` is told

@@ -44,6 +44,28 @@ impl HostLevel {
         Ok(HostLevel { layout, textures, pages, table, books, filled })
     }
 
+    /// Loads more bricks of the level, beside those that are there. Pages of streams are whole: those are loaded anew.
+    ///
+    /// # Errors
+    /// As [`HostLevel::load`]; `E_PARAM` for levels in pages.
+    pub fn add(
+        &mut self,
+        volume: &Volume,
+        wanted: &dyn Fn(Coord) -> bool,
+        progress: &mut dyn FnMut(u64, u64),
+    ) -> Result<()> {
+        if self.layout.pages.is_some() {
+            return Err(Error::param("source", "pages of streams take no more bricks; load the level anew"));
+        }
+        let textures = std::mem::take(&mut self.textures);
+        let mut store =
+            Memory { layout: &self.layout, textures, pages: Vec::new(), table: Vec::new(), books: Vec::new() };
+        let filled = fill(volume, &self.layout, wanted, &mut store, progress);
+        self.textures = store.textures;
+        self.filled = self.filled.plus(&filled?);
+        Ok(())
+    }
+
     /// Texel `at` of texture `texture`, each channel as its 32 bits in a shader; 0 outside.
     #[must_use]
     #[inline]

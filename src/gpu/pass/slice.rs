@@ -106,7 +106,10 @@ impl SliceTarget {
                 view: &view,
                 depth_slice: None,
                 resolve_target: None,
-                ops: wgpu::Operations { load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT), store: wgpu::StoreOp::Store },
+                ops: wgpu::Operations {
+                    load: wgpu::LoadOp::Clear(wgpu::Color::TRANSPARENT),
+                    store: wgpu::StoreOp::Store,
+                },
             })],
             depth_stencil_attachment: None,
             timestamp_writes,
@@ -151,7 +154,8 @@ mod tests {
 
     #[test]
     fn halves_are_read() {
-        let due = [(0, 0.0), (0x3C00, 1.0), (0x3800, 0.5), (0x3555, 0.333_251_95), (0x0001, 5.960_464_5e-8), (0xC000, -2.0)];
+        let due =
+            [(0, 0.0), (0x3C00, 1.0), (0x3800, 0.5), (0x3555, 0.333_251_95), (0x0001, 5.960_464_5e-8), (0xC000, -2.0)];
         for (bits, value) in due {
             assert_eq!(of_half(bits), value, "{bits:x}");
         }

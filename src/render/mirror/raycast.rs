@@ -138,7 +138,12 @@ fn composite<R: Real>(
 }
 
 /// The colour of `value` behind what there is.
-pub(super) fn behind<R: Real>(sum: [R; 4], points: &[super::Point<R>], value: Value<R>, n: &mut impl Counter) -> [R; 4] {
+pub(super) fn behind<R: Real>(
+    sum: [R; 4],
+    points: &[super::Point<R>],
+    value: Value<R>,
+    n: &mut impl Counter,
+) -> [R; 4] {
     n.count(|w| w.lookups += 1);
     let c = classify(points, value);
     let rest = R::of(1.0) - sum[3];

@@ -23,13 +23,7 @@ pub fn slices<R: Real>(frame: &Frame<R>, volumes: &[&[Volume<'_, R>]], ray: &Ray
 }
 
 /// What slab k adds to a ray that nothing hides.
-fn seen<R: Real>(
-    frame: &Frame<R>,
-    volumes: &[&[Volume<'_, R>]],
-    ray: &Ray<R>,
-    k: u32,
-    n: &mut impl Counter,
-) -> [R; 4] {
+fn seen<R: Real>(frame: &Frame<R>, volumes: &[&[Volume<'_, R>]], ray: &Ray<R>, k: u32, n: &mut impl Counter) -> [R; 4] {
     let mut scene = [k, k + 1].map(|k| (frame.nearest + R::of(k.into()) * frame.step) * ray.norm);
     if frame.effects.has(Effect::ClipBox) {
         let origin = origin_of(ray, frame.base, frame.right_at, frame.up_at);

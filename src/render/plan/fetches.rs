@@ -44,8 +44,10 @@ pub fn fetches(scene: &Scene, layout: &LevelLayout) -> Option<Fetches> {
     let naive = 7.0 * if linear { 16.0 } else { 2.0 };
     let lit = lit.map(|s| match (s.gradient, linear) {
         (Gradient::Reuse, true) => {
+            // The value is looked up first: only what is seen is lit.
+            let (own_words, own_pairs) = (words, pairs);
             let (words, pairs) = distinct(&cross(), per_word, block);
-            words + pairs
+            own_words + own_pairs + words + pairs
         }
         (Gradient::Naive, true) if scene.sampler == Sampler::LinearOpt => 7.0 * (words + pairs),
         _ => naive,

@@ -17,10 +17,10 @@ use crate::affine::Placement;
 use crate::error::{Code, Error, Result};
 use crate::geometry::Extent;
 use crate::gpu::key::{Form, Texel};
-use crate::gpu::level::{Fit, LevelLayout, Store, TexelFormat};
+use crate::gpu::level::{Fit, LevelLayout, TexelFormat};
+use crate::gpu::pass::decode;
 use crate::gpu::{Effect, PipelineKey, Projection, Sampler, VolumeKey};
 use crate::volume::{At, Volume};
-use crate::voxel::SampleType;
 
 /// What it takes to render one scene.
 #[derive(Clone, Debug)]
@@ -197,28 +197,16 @@ fn planned_levels(
 /// What of a layout decides about shader text.
 #[must_use]
 pub fn volume_key(layout: &LevelLayout) -> VolumeKey {
-    let texel = |format: TexelFormat| match format {
-        TexelFormat::R16Sint | TexelFormat::Rg16Sint => Texel::Sint,
-        TexelFormat::R8Uint
-        | TexelFormat::R16Uint
-        | TexelFormat::Rg8Uint
-        | TexelFormat::Rg16Uint
-        | TexelFormat::Rgba8Uint => Texel::Uint,
-        _ => Texel::Float,
-    };
-    let sample = layout.store.sample();
-    let form = match (layout.decoded, layout.store) {
-        (Some(decoded), _) => Form::Raw(texel(decoded.format)),
-        (None, Store::Raw { .. }) => Form::Raw(texel(layout.textures[0].format)),
-        (None, Store::S3dc { .. }) => Form::S3dc(texel(layout.textures[0].format)),
-        (None, Store::Zerobit { new_stream, .. }) => Form::Zerobit {
-            pages: layout.pages.map_or(1, |p| p.stream_bytes.div_ceil(p.page_bytes.max(1)).max(1) as u32),
-            new: new_stream,
-            wide: matches!(sample, SampleType::U16 | SampleType::I16),
-            signed: sample == SampleType::I16,
-        },
-    };
-    VolumeKey { form, colour: sample == SampleType::Rgb8, folded: !layout.fold.is_flat() }
+    let pages = layout.pages.map_or(1, |p| p.stream_bytes.div_ceil(p.page_bytes.max(1)).max(1) as u32);
+    let key = decode::volume_key(layout, pages);
+    match layout.decoded {
+        // The decode pass has written floats, or the components of colours.
+        Some(decoded) => {
+            let texel = if decoded.format == TexelFormat::Rgba8Uint { Texel::Uint } else { Texel::Float };
+            VolumeKey { form: Form::Raw(texel), ..key }
+        }
+        None => key,
+    }
 }
 
 /// The effects that are not there, and why.
