@@ -30,7 +30,8 @@ pub struct Taken {
     pub fetches_per_sample: Option<f64>,
 }
 
-/// Whoever takes pictures. `E_UNSUPPORTED` leaves the shot out of the sweep, with the reason.
+/// Whoever takes pictures. `E_UNSUPPORTED` and `E_LIMIT` (what a device cannot do, or does not hold) leave the shot out of the
+/// sweep, with the reason; not so for the reference picture.
 pub type Take<'a> = dyn FnMut(&Arc<Volume>, &Shot) -> Result<Taken> + 'a;
 
 /// What is tried.
@@ -144,7 +145,7 @@ impl Sweep {
 /// volume lies and what its numbers mean. `progress` is told pictures done and pictures in all.
 ///
 /// # Errors
-/// Those of [`Sweep::check`], of the encoder, and of `take`, but for `E_UNSUPPORTED`.
+/// Those of [`Sweep::check`], of the encoder, and of `take`, but for those that leave a shot out.
 pub fn sweep(
     grid: &mut Grid,
     base: &EncodeOptions,
@@ -170,7 +171,7 @@ pub fn sweep(
         for shot in sweep.shots(setting) {
             match take(&volume, &shot) {
                 Ok(taken) => rows.push(row(&reference, encoded, shot, taken)?),
-                Err(e) if e.code() == Code::Unsupported => {
+                Err(e) if matches!(e.code(), Code::Unsupported | Code::Limit) => {
                     let name = format!("{}, {}, step {}", setting.name(), shot.sampler, shot.step);
                     left_out.push((name, e.message().to_owned()));
                 }

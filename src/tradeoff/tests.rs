@@ -168,7 +168,19 @@ fn what_cannot_be_swept() {
     }
     let mut broken = |_: &Arc<Volume>, _: &Shot| -> Result<Taken> { Err(Error::param("camera", "no")) };
     let e = sweep(&mut grid, &EncodeOptions::default(), &base, &mut broken, &mut |_, _| {}).unwrap_err();
-    assert_eq!(e.field(), "camera", "only what is not supported is left out");
+    assert_eq!(e.field(), "camera", "only what a device cannot do or hold is left out");
+    // A level that does not fit: the rows go, but there must be a reference.
+    let mut full = |_: &Arc<Volume>, shot: &Shot| -> Result<Taken> {
+        Err(Error::new(if shot.step < 0.5 { Code::Range } else { Code::Limit }, "level", "too large"))
+    };
+    let e = sweep(&mut grid, &EncodeOptions::default(), &base, &mut full, &mut |_, _| {}).unwrap_err();
+    assert_eq!(e.code(), Code::Range);
+    let mut small = |volume: &Arc<Volume>, shot: &Shot| match shot.step < 0.5 {
+        true => slice(volume, shot),
+        false => Err(Error::new(Code::Limit, "level", "too large")),
+    };
+    let o = sweep(&mut grid, &EncodeOptions::default(), &base, &mut small, &mut |_, _| {}).unwrap();
+    assert_eq!((o.rows.len(), o.left_out.len()), (0, base.shots(&Setting::Raw).len()));
 }
 
 #[test]
