@@ -32,7 +32,7 @@ fn level<T: Sample>(extent: Extent, stream: Stream, fit: &Fit, f: impl FnMut(Coo
     let options = EncodeOptions {
         codec: CodecChoice::Zerobit,
         quality: Quality::Keep(300_000),
-        zerobit: ZerobitOptions { stream, codebook_region: Some(2), ..ZerobitOptions::default() },
+        zerobit: ZerobitOptions { stream, codebook_region: Some(1), ..ZerobitOptions::default() },
         brick: Some(32),
         null_value: 5.0,
         ..EncodeOptions::default()
