@@ -18,7 +18,7 @@ fn options(stream: Stream) -> EncodeOptions {
     EncodeOptions {
         codec: CodecChoice::Zerobit,
         quality: Quality::Keep(300_000),
-        zerobit: ZerobitOptions { stream, codebook_region: Some(2), ..ZerobitOptions::default() },
+        zerobit: ZerobitOptions { stream, codebook_region: Some(1), ..ZerobitOptions::default() },
         brick: Some(32),
         null_value: 5.0,
         ..EncodeOptions::default()
@@ -81,8 +81,8 @@ fn every_voxel_is_that_of_the_codec() {
                 }
                 // Streams of noise: unit blocks that lie anywhere, offsets beyond the end, cells that are none.
                 for (i, w) in (0u32..).zip(cpu.pages.iter_mut().flatten()) {
-                    if support::hash([i, 1, 2]) % 3 == 0 {
-                        *w = support::hash([i, 3, 4]) >> (support::hash([i, 5, 6]) % 3 * 8);
+                    if support::hash([i, 1, 2]).is_multiple_of(3) {
+                        *w = support::hash([i, 3, 4]) >> (8 * (support::hash([i, 5, 6]) % 3));
                     }
                 }
                 let words = decode_words(gpu(), &GpuLevel::of_host(gpu(), &cpu).unwrap()).unwrap();

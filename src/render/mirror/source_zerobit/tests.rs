@@ -32,7 +32,7 @@ fn level<T: Sample>(extent: Extent, stream: Stream, fit: &Fit, f: impl FnMut(Coo
     let options = EncodeOptions {
         codec: CodecChoice::Zerobit,
         quality: Quality::Keep(300_000),
-        zerobit: ZerobitOptions { stream, codebook_region: Some(2), ..ZerobitOptions::default() },
+        zerobit: ZerobitOptions { stream, codebook_region: Some(1), ..ZerobitOptions::default() },
         brick: Some(32),
         null_value: 5.0,
         ..EncodeOptions::default()
@@ -76,7 +76,7 @@ fn agree<T: Sample>(f: impl Fn(u32) -> T + Copy) {
             }
             // Anything may stand in a stream: the same must come out, whatever it says.
             for (i, w) in (0u32..).zip(level.pages.iter_mut().flatten()) {
-                if hash([i, 1, 2]) % 3 == 0 {
+                if hash([i, 1, 2]).is_multiple_of(3) {
                     *w = hash([i, 3, 4]);
                 }
             }
@@ -95,7 +95,7 @@ fn compare_damaged<T: Sample>(volume: &Volume, level: &mut HostLevel) {
         // The number of the codebook is not read from the stream; unit blocks begin somewhere inside.
         words[0] = u32::from_le_bytes(bytes[..4].try_into().unwrap());
         for w in &mut words[4..12.min(len as usize / 4)] {
-            *w = *w & 0xFF | (*w >> 8) % (len / 3) << 8;
+            *w = (*w & 0xFF) | (((*w >> 8) % (len / 3)) << 8);
         }
         if len % 4 != 0 {
             let last = words.len() - 1;
