@@ -73,6 +73,10 @@ fn block(
             }
             ["each"] if volume.is_none() => {
                 let start = *at + 1;
+                if choice.volumes.is_empty() {
+                    *at = start;
+                    block(file, lines, at, choice, None, false, out)?;
+                }
                 for v in 0..choice.volumes.len() {
                     *at = start;
                     block(file, lines, at, choice, Some(v), taken, out)?;
