@@ -3,7 +3,7 @@
 use super::camera::View;
 use super::image::Image;
 use super::mirror;
-use super::plan::{BrickMask, Plan, PlannedLevel};
+use super::plan::{Plan, PlannedLevel};
 use super::scene::Scene;
 use super::setup::{Lies, frame, frame_bytes, overrides};
 use super::{PassTime, Progress};
@@ -96,27 +96,18 @@ impl GpuScene {
         self.levels.iter().map(|l| l.level.filled).collect()
     }
 
-    /// Uploads more bricks of level `i`, or all of it anew where streams are in pages.
+    /// Uploads the bricks of level `i` that the plan wants and that are not there.
     ///
     /// # Errors
     /// Those of [`GpuLevel::upload`].
-    pub fn add(
-        &mut self,
-        i: usize,
-        planned: &PlannedLevel,
-        fresh: &BrickMask,
-        volume: &Volume,
-        progress: Progress<'_>,
-    ) -> Result<()> {
+    pub fn add(&mut self, i: usize, planned: &PlannedLevel, volume: &Volume, progress: Progress<'_>) -> Result<()> {
         let gpu = self.gpu.clone();
         let resident = &mut self.levels[i];
-        let mut told = |done, of| progress("upload", done, of);
         let started = Instant::now();
-        if planned.layout.pages.is_some() {
-            let wanted = |brick| planned.wanted.has(brick);
-            resident.level = GpuLevel::upload(&gpu, volume, planned.layout.clone(), &wanted, &mut told)?;
-        } else {
-            resident.level.add(&gpu, volume, &|brick| fresh.has(brick), &mut told)?;
+        let wanted = |brick| planned.wanted.has(brick);
+        let more = resident.level.add(&gpu, volume, &wanted, &mut |done, of| progress("upload", done, of))?;
+        if more.bytes() == 0 {
+            return Ok(());
         }
         self.loading.push(PassTime::wall("upload", started));
         if resident.decoded.is_some() {

@@ -31,7 +31,7 @@ use crate::gpu::pipeline::Pipelines;
 use crate::volume::Volume;
 use camera::View;
 use mirror::{Real, Work};
-use plan::{BrickMask, Plan};
+use plan::Plan;
 use scene::Scene;
 use serde::Serialize;
 use std::sync::Arc;
@@ -109,8 +109,6 @@ pub struct Renderer {
     views: Vec<View>,
     plan: Plan,
     loaded: Loaded,
-    /// Bricks of each level that are in memory.
-    resident: Vec<BrickMask>,
     pipelines: Arc<Pipelines>,
     loading: Vec<PassTime>,
 }
@@ -144,8 +142,7 @@ impl Renderer {
         let plan = plan_for(&scene, &volumes, &backend, &views)?;
         let pipelines = Arc::new(Pipelines::default());
         let (loaded, loading) = load(&plan, &volumes, &backend, &pipelines, progress)?;
-        let resident = plan.levels.iter().map(|l| l.wanted.clone()).collect();
-        Ok(Renderer { scene, volumes, backend, views, plan, loaded, resident, pipelines, loading })
+        Ok(Renderer { scene, volumes, backend, views, plan, loaded, pipelines, loading })
     }
 
     /// The plan.
@@ -251,25 +248,14 @@ impl Renderer {
         scene.volumes[volume].transfer = transfer;
         let plan = plan_for(&scene, &self.volumes, &self.backend, &self.views)?;
         for (i, planned) in plan.levels.iter().enumerate() {
-            let there = &self.resident[i];
-            let fresh = BrickMask::choose(there.size(), |b| planned.wanted.has(b) && !there.has(b));
-            if fresh.count() == 0 {
-                continue;
-            }
             let volume = &self.volumes[planned.volume];
             match &mut self.loaded {
-                Loaded::Gpu(scene) => scene.add(i, planned, &fresh, volume, progress)?,
-                Loaded::Host(levels) if planned.layout.pages.is_some() => {
-                    let wanted = |brick| planned.wanted.has(brick);
-                    let layout = planned.layout.clone();
-                    levels[i] = HostLevel::load(volume, layout, &wanted, &mut |done, of| progress("load", done, of))?;
-                }
+                Loaded::Gpu(scene) => scene.add(i, planned, volume, progress)?,
                 Loaded::Host(levels) => {
-                    levels[i].add(volume, &|brick| fresh.has(brick), &mut |done, of| progress("load", done, of))?;
+                    let wanted = |brick| planned.wanted.has(brick);
+                    levels[i].add(volume, &wanted, &mut |done, of| progress("load", done, of))?;
                 }
             }
-            let all = BrickMask::choose(there.size(), |b| planned.wanted.has(b) || there.has(b));
-            self.resident[i] = if planned.layout.pages.is_some() { planned.wanted.clone() } else { all };
         }
         if let Loaded::Gpu(loaded) = &mut self.loaded {
             loaded.show(&plan)?;

@@ -42,7 +42,7 @@ fn expm1<R: Real>(x: R) -> R {
 mod tests {
     use super::*;
 
-    #[test] // hard case
+    #[test] // hard case; V26
     fn small_opacities_are_kept() {
         for &alpha in &[1e-8, 1e-7, 1e-5, 1e-3, 0.01, 0.1249, 0.125, 0.3, 0.9, 0.999] {
             for &r in &[1e-3, 0.1, 0.5, 1.0, 2.0, 16.0, 64.0] {
