@@ -45,7 +45,8 @@ fn march(ray: Ray, start: f32, count: u32, tail: f32, PARAMETERS) -> vec4f {
 //+if empty_skip
         var next = count;
 //+each
-        next = min(next, next_V(p_V, direction_V, k));
+        let hop_V = next_V(p_V, direction_V, k);
+        next = min(next, hop_V);
 //+end
         if (next > k) {
             k = next;
@@ -54,7 +55,12 @@ fn march(ray: Ray, start: f32, count: u32, tail: f32, PARAMETERS) -> vec4f {
 //+end
 //+each
 //+if many
+//+if empty_skip
+        // What another volume shows here says nothing of this one, whose brick may not be in memory.
+        if (hop_V == k && t >= span_V.x && t < span_V.y) {
+//+else
         if (t >= span_V.x && t < span_V.y) {
+//+end
 //+end
         let c_V = classify_V(value_V(p_V));
         if (c_V.a > 0.0) {

@@ -6,7 +6,12 @@
 fn next_V(p: vec3f, direction: vec3f, k: u32) -> u32 {
     let c = vec3u(clamp(vec3i(floor(p + vec3f(0.5))), vec3i(0), volume_V.last));
     let brick = c >> vec3u(BRICK_LOG2_V);
-    if (textureLoad(visible_V, brick, 0).x != 0u) {
+//+if folded_V
+    let seen = textureLoad(visible_V, fold_V(brick), 0).x;
+//+else
+    let seen = textureLoad(visible_V, brick, 0).x;
+//+end
+    if (seen != 0u) {
         return k;
     }
     let lo = vec3f(brick << vec3u(BRICK_LOG2_V)) - vec3f(0.5);

@@ -157,7 +157,13 @@ fn steps_that_cannot_be_are_refused() {
         assert_eq!(plan(step), Err(Code::Param), "{step}");
     }
     assert_eq!(plan(1e-7), Err(Code::Limit));
-    assert!(plan(1e6).unwrap() <= 2);
+    assert!(plan(1e6).unwrap() <= 2 && plan(1e300).unwrap() <= 2);
+    // Longer than f32 holds: one sample all the same.
+    for backend in &CPUS {
+        let mut scene = plain(&volume, veil(0.5), [3, 3]);
+        scene.step = 1e39;
+        assert!(middle(&picture(&scene, &volume, backend))[3] > 0.99);
+    }
 }
 
 #[test] // hard case: R-08
@@ -196,7 +202,7 @@ fn ending_rays_early_changes_nothing_that_eight_bits_show() {
     finite(&picture(&early, &volume, &Backend::CpuF32), "early");
 }
 
-#[test] // hard case
+#[test] // hard case: R-10
 fn a_hundred_thousand_faint_samples_add_up() {
     let volume = constant(Extent::new(10, 10, 10), 9, [1.0; 3]);
     let mut scene = onto(plain(&volume, veil(0.01), [1, 1]), 0.0, 0.0);
@@ -208,12 +214,30 @@ fn a_hundred_thousand_faint_samples_add_up() {
         let found = f64::from(middle(&done.image)[3]);
         assert!((found / exact - 1.0).abs() < 1e-3, "{backend:?}: {found} {exact}");
     }
-    // The place of sample k is start + k·step; adding the step a million times over drifts away.
-    let (step, k) = (1e-4f32, 1_000_000u32);
-    let normative = k as f32 * step;
-    let mut added = 0.0f32;
-    (0..k).for_each(|_| added += step);
-    assert!((normative - 100.0).abs() < 1e-4 && (added - 100.0).abs() > 0.1, "{normative} {added}");
+}
+
+#[test] // hard case: R-11
+fn sample_a_million_lies_where_it_should() {
+    // A wall of one voxel at the far end of a long ray, and a step that f32 cannot hold: places that drift miss it.
+    let wall = |c: [u32; 3]| if c[1] == 0 { 200u8 } else { 0 };
+    let mut grid = Grid::from_fn(Extent::new(4, 4000, 4), wall).unwrap();
+    let volume = encoded(&mut grid, raw());
+    let ramp = TransferFunction::new(vec![point(0.0, [0.0; 3], 0.0), point(200.0, [1.0; 3], 0.004)]).unwrap();
+    // From the side where the wall is last, with a million samples.
+    let found: Vec<f64> = CPUS
+        .iter()
+        .map(|backend| {
+            let mut scene = onto(plain(&volume, ramp.clone(), [1, 1]), 0.0, 0.0);
+            (scene.step, scene.sampler) = (0.004, Sampler::Nearest);
+            let there = middle(&picture(&scene, &volume, backend))[3];
+            scene.camera.azimuth = 180.0;
+            let back = middle(&picture(&scene, &volume, backend))[3];
+            assert!((there - back).abs() < 2e-3 * there, "{backend:?}: {there} from one side, {back} from the other");
+            f64::from(there)
+        })
+        .collect();
+    // One voxel thick, 250 samples of a 250th of a reference length.
+    assert!(found.iter().all(|f| (f / 0.004 - 1.0).abs() < 0.02), "{found:?}");
 }
 
 #[test] // hard case: R-12
@@ -293,6 +317,61 @@ fn skipping_and_culling_change_no_bit() {
             }
         }
     }
+}
+
+/// What is not in memory reads as 0; here 0 would be opaque.
+#[test] // hard case: R-17
+fn bricks_that_are_not_there_are_never_sampled() {
+    let inner = Extent::cube(30);
+    let corner = |c: [u32; 3]| if c.iter().all(|&v| v < 30) { 100 + (hill(inner, c) / 2.0) as u8 } else { 40 };
+    let make = |origin: [f64; 3]| {
+        let options = vug::volume::EncodeOptions { placement: spaced([1.0; 3], origin), ..s3dc(4, [4, 4, 4]) };
+        encoded(&mut Grid::from_fn(Extent::new(112, 96, 80), corner).unwrap(), options)
+    };
+    let volumes = [make([0.0; 3]), make([20.0, -30.0, 10.0])];
+    let ends = [(0.0, 1.0), (20.0, 1.0), (30.0, 0.0), (60.0, 0.0), (120.0, 0.05), (200.0, 0.6)];
+    let transfer = TransferFunction::new(ends.map(|(v, a)| point(v, [1.0, a, v as f32 / 200.0], a)).to_vec()).unwrap();
+    for count in [1, 2] {
+        for shading in [None, Some(Shading::default())] {
+            for (projection, iso) in
+                [(Projection::Composite, None), (Projection::Iso, Some(150.0)), (Projection::Iso, Some(-3.0))]
+            {
+                if iso.is_some() && count > 1 {
+                    continue;
+                }
+                let mut scene = plain(&volumes[0], transfer.clone(), [40, 40]);
+                (scene.shading, scene.projection, scene.iso) = (shading, projection, iso);
+                scene.volumes.resize(count, scene.volumes[0].clone());
+                let mut fast = scene.clone();
+                (fast.empty_skip, fast.tf_cull) = (true, true);
+                for backend in &CPUS {
+                    let (a, b) =
+                        (rendered(&scene, &volumes[..count], backend), rendered(&fast, &volumes[..count], backend));
+                    assert!(a.image.pixels.iter().any(|p| p[3] > 0.1));
+                    assert_close(
+                        &b.image,
+                        &a.image,
+                        0.0,
+                        &format!("{count} volumes, {projection} {iso:?}, lit: {}", shading.is_some()),
+                    );
+                }
+            }
+        }
+    }
+    // A solid that begins where rays enter has a lid, cut by the box or by the clipping box.
+    let solid = constant(Extent::cube(64), 100, [1.0; 3]);
+    for clip in [None, Some(vug::render::scene::ClipBox { min: [20.0; 3], max: [50.0; 3] })] {
+        let mut scene = plain(&solid, veil(0.5), [9, 9]);
+        (scene.projection, scene.iso, scene.clip) = (Projection::Iso, Some(50.0), clip);
+        (scene.empty_skip, scene.tf_cull) = (true, true);
+        assert_eq!(middle(&picture(&scene, &solid, &Backend::Cpu))[3], 1.0);
+    }
+    // Without skipping there is no culling, and slices do not skip.
+    let mut scene = plain(&solid, veil(0.5), [9, 9]);
+    scene.tf_cull = true;
+    assert_eq!(scene.check().unwrap_err().code(), Code::Param);
+    (scene.empty_skip, scene.traversal) = (true, vug::gpu::Traversal::Slice);
+    assert_eq!(scene.check().unwrap_err().code(), Code::Param);
 }
 
 #[test] // hard case: R-19
@@ -379,8 +458,8 @@ fn volumes_side_by_side() {
         CPUS.map(|b| middle(&rendered(&scene, &[one.clone(), two.clone()], &b).image))
     };
     let through = 1.0 - 0.7f32.powi(16);
-    for (front, behind) in show(0.0).into_iter().zip(show(180.0)) {
-        let (near, far) = if front[2] > behind[2] { (behind, front) } else { (front, behind) };
+    // Nothing is known of the space: the front looks along −y, so that from 0° the volume at y = 0 is before the one at y = 40.
+    for (near, far) in show(0.0).into_iter().zip(show(180.0)) {
         assert!((near[0] - through).abs() < 1e-3 && (near[2] - (1.0 - through)).abs() < 1e-3, "{near:?}");
         assert_eq!(far[..3], [0.0, 0.0, 1.0], "the opaque one in front hides the other");
     }

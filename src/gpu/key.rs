@@ -227,7 +227,8 @@ pub struct VolumeKey {
 pub enum Gradient {
     /// Six more samples.
     Naive,
-    /// Value and gradient from the 32 voxels that they need together, each word and each pair of end points fetched once.
+    /// From the 32 voxels that the six samples need together, each word and each pair of end points fetched once. The value itself is
+    /// sampled before: only what is seen is lit.
     #[default]
     Reuse,
 }

@@ -289,7 +289,9 @@ impl Resident {
 
 /// One texel per brick: 1 where it can be seen.
 fn visible(gpu: &Gpu, planned: &PlannedLevel) -> Result<wgpu::Texture> {
-    let [width, height, depth_or_array_layers] = planned.layout.bricks;
+    // In tiles, as the level itself.
+    let fold = planned.layout.fold;
+    let [width, height, depth_or_array_layers] = fold.bricks();
     let size = wgpu::Extent3d { width, height, depth_or_array_layers };
     let texture = gpu.checked(|| {
         gpu.device.create_texture(&wgpu::TextureDescriptor {
@@ -303,7 +305,12 @@ fn visible(gpu: &Gpu, planned: &PlannedLevel) -> Result<wgpu::Texture> {
             view_formats: &[],
         })
     })?;
-    let bytes: Vec<u8> = planned.visible.bits().iter().map(|&b| u8::from(b)).collect();
+    let mut bytes = vec![0u8; width as usize * height as usize * depth_or_array_layers as usize];
+    let [nx, ny, nz] = planned.layout.bricks;
+    for brick in (0..nz).flat_map(|z| (0..ny).flat_map(move |y| (0..nx).map(move |x| [x, y, z]))) {
+        let [x, y, z] = fold.place(brick).map(|v| v as usize);
+        bytes[x + width as usize * (y + height as usize * z)] = u8::from(planned.visible.has(brick));
+    }
     let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(width), rows_per_image: Some(height) };
     gpu.queue.write_texture(texture.as_image_copy(), &bytes, layout, size);
     Ok(texture)

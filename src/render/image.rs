@@ -27,7 +27,7 @@ impl Image {
         self.colours(background).map(|c| c.map(|v| (v.clamp(0.0, 1.0) * 255.0 + 0.5).floor() as u8)).collect()
     }
 
-    /// The largest difference of a component of any pixel.
+    /// The largest difference of a component of any pixel; infinite where one is NaN.
     ///
     /// # Errors
     /// `E_PARAM` for pictures of different sizes.
@@ -36,7 +36,10 @@ impl Image {
             return Err(Error::param("image", "the pictures have different sizes"));
         }
         let pairs = self.pixels.iter().flatten().zip(other.pixels.iter().flatten());
-        Ok(pairs.fold(0.0, |m: f32, (a, b)| if (a - b).abs() <= m { m } else { (a - b).abs() }))
+        Ok(pairs.fold(0.0, |m: f32, (a, b)| {
+            let d = (a - b).abs();
+            if d.is_nan() { f32::INFINITY } else { m.max(d) }
+        }))
     }
 
     /// Writes a portable float map: three floats a pixel in front of `background`, little-endian, rows from the bottom.

@@ -22,7 +22,10 @@ pub fn march<R: Real>(
     n: &mut impl Counter,
 ) -> [R; 4] {
     // The first sample is where the ray enters: a surface that is cut open by the box has a lid.
-    if grey_at(frame, v, way, steps.start, n) >= frame.iso {
+    // What can be jumped over lies outside, and may not be in memory.
+    let known =
+        frame.effects.has(Effect::EmptySkip) && skip::next(frame, &v[0], way.at(steps.start), way.direction, 0, n) > 0;
+    if !known && grey_at(frame, v, way, steps.start, n) >= frame.iso {
         return surface(frame, v, ray, way, steps.start, n);
     }
     let mut last = steps.start;

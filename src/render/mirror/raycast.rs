@@ -7,6 +7,7 @@ use super::opacity::correct;
 use super::real::{Real, V3, add, scale};
 use super::shade::shade;
 use super::{Frame, Value, Volume, classify, grey, iso, skip, slope, value};
+use crate::gpu::key::MAX_VOLUMES;
 use crate::gpu::{Effect, Projection};
 
 /// A ray in the index coordinates of a volume.
@@ -99,18 +100,20 @@ fn composite<R: Real>(
     while k < steps.count {
         let part = steps.part(k);
         let t = steps.start + (R::of(k.into()) + R::of(0.5) * part) * frame.step;
+        let mut hops = [k; MAX_VOLUMES];
         if frame.effects.has(Effect::EmptySkip) {
-            let mut next = steps.count;
-            for (v, way) in volumes.iter().zip(ways) {
-                next = next.min(skip::next(frame, &v[0], way.at(t), way.direction, k, n));
+            for ((v, way), hop) in volumes.iter().zip(ways).zip(&mut hops) {
+                *hop = skip::next(frame, &v[0], way.at(t), way.direction, k, n);
             }
+            let next = hops[..volumes.len()].iter().fold(steps.count, |a, b| a.min(*b));
             if next > k {
                 k = next;
                 continue;
             }
         }
-        for (v, way) in volumes.iter().zip(ways) {
-            if volumes.len() > 1 && (t < way.span[0] || t >= way.span[1]) {
+        for ((v, way), hop) in volumes.iter().zip(ways).zip(hops) {
+            // What another volume shows here says nothing of this one, whose brick may not be in memory.
+            if volumes.len() > 1 && (hop != k || t < way.span[0] || t >= way.span[1]) {
                 continue;
             }
             let p = way.at(t);

@@ -85,7 +85,9 @@ impl Plan {
         let view = scene.camera.resolve_all(&boxes, scene.size)?;
         let finest = boxes.iter().map(|(p, _)| spacing_ends(p).1).fold(f64::INFINITY, f64::min);
         let step = scene.step * finest;
-        let samples = samples(&boxes, step)?;
+        let (samples, longest) = samples(&boxes, step)?;
+        // A longer step is one sample all the same, and may be more than f32 holds.
+        let step = step.min(longest);
         let mut levels = Vec::new();
         for (i, volume) in volumes.iter().enumerate() {
             levels.extend(planned_levels(scene, i, volume, &view, step, fit)?);
@@ -113,8 +115,8 @@ impl Plan {
     }
 }
 
-/// Most samples of a ray: through all volumes, corner to corner. // hard case R-07
-fn samples(boxes: &[(&Placement, Extent)], step: f64) -> Result<u32> {
+/// Most samples of a ray, through all volumes, corner to corner; and a length that no ray reaches. // hard case R-07
+fn samples(boxes: &[(&Placement, Extent)], step: f64) -> Result<(u32, f64)> {
     // The camera's sphere holds the common box; a ray is no longer than its diameter.
     let longest = match boxes {
         [(placement, extent)] => 2.0 * radius(placement, *extent),
@@ -129,7 +131,7 @@ fn samples(boxes: &[(&Placement, Extent)], step: f64) -> Result<u32> {
         return Err(Error::new(Code::Limit, "step", message));
     }
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked")]
-    Ok(samples as u32)
+    Ok((samples as u32, 2.0 * longest))
 }
 
 /// The level of one volume of the scene; two where the picture lies between two time steps.

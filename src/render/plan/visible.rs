@@ -127,13 +127,11 @@ pub(super) fn visible(
         (Projection::Iso, Some(iso)) => {
             // A surface is found between two samples. They lie in one brick or in neighbours, unless steps are longer.
             let smallest = level.spacing().into_iter().fold(f64::INFINITY, f64::min);
-            if step > smallest * f64::from(bounds.edge) {
+            if step > smallest * f64::from(bounds.edge - 1) {
                 return BrickMask::all(bounds.bricks);
             }
-            BrickMask::choose(bounds.bricks, |brick| {
-                let (lo, hi) = widened(bounds.with_neighbours(brick));
-                lo <= iso && iso <= hi
-            })
+            // Jumped over is only what lies outside: a ray may enter the volume in a brick that is inside altogether.
+            BrickMask::choose(bounds.bricks, |brick| widened(bounds.with_neighbours(brick)).1 >= iso)
         }
         _ => BrickMask::all(bounds.bricks),
     }

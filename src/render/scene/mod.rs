@@ -49,7 +49,7 @@ pub struct Scene {
     pub early_out: Option<f64>,
     /// Whether bricks that cannot be seen are jumped over.
     pub empty_skip: bool,
-    /// Whether bricks that cannot be seen are left out of memory.
+    /// Whether bricks that cannot be seen are not uploaded (their texels stay 0); only together with `empty_skip`.
     pub tf_cull: bool,
     /// Lighting.
     pub shading: Option<Shading>,
@@ -155,13 +155,14 @@ impl Scene {
         .collect()
     }
 
-    /// The same scene without one of its effects. Without `lod` it shows level 0; without `time_interp` the step before.
+    /// The same scene without one of its effects. Without `empty_skip` there is no `tf_cull`: what is not in memory must be jumped
+    /// over. Without `lod` it shows level 0; without `time_interp` the step before.
     #[must_use]
     pub fn without(&self, effect: Effect) -> Scene {
         let mut scene = self.clone();
         match effect {
             Effect::GradientShading => scene.shading = None,
-            Effect::EmptySkip => scene.empty_skip = false,
+            Effect::EmptySkip => (scene.empty_skip, scene.tf_cull) = (false, false),
             Effect::TfCull => scene.tf_cull = false,
             Effect::Lod => scene.lod = Lod::Level(0),
             Effect::EarlyOut => scene.early_out = None,
@@ -180,8 +181,8 @@ impl Scene {
         let in_depth = traversal != Traversal::CutPlane;
         let by_opacity = in_depth && matches!(projection, Projection::Composite | Projection::Iso);
         match effect {
-            Effect::GradientShading | Effect::TfCull => by_opacity,
-            Effect::EmptySkip => by_opacity && traversal == Traversal::Raycast,
+            Effect::GradientShading => by_opacity,
+            Effect::EmptySkip | Effect::TfCull => by_opacity && traversal == Traversal::Raycast,
             Effect::EarlyOut => traversal == Traversal::Raycast && projection == Projection::Composite,
             Effect::ClipBox | Effect::Lod | Effect::TimeInterp => true,
         }
@@ -241,6 +242,11 @@ impl Scene {
             }
             (Projection::Iso, Some(_)) | (_, None) => {}
             (_, Some(_)) => return bad("iso_surface", "it is for projection = \"iso\" only".into()),
+        }
+        if self.tf_cull && !self.empty_skip {
+            let message =
+                "tf_cull goes with empty_skip: what is not in memory must be jumped over; name both or neither";
+            return bad("effects", message.into());
         }
         for effect in self.effects().iter() {
             if !Scene::applies(effect, self.traversal, self.projection) {

@@ -82,7 +82,11 @@ fn everything_can_be_said_and_said_again() {
     assert_eq!(scene.volumes[0].transfer, Preset::CtBone.over(1.0, 2.0).unwrap());
     // Each effect can be left out alone.
     for e in Effect::ALL {
-        assert_eq!(scene.without(*e).effects(), scene.effects().without(*e), "{e}");
+        let mut rest = scene.effects().without(*e);
+        if *e == Effect::EmptySkip {
+            rest = rest.without(Effect::TfCull);
+        }
+        assert_eq!(scene.without(*e).effects(), rest, "{e}");
     }
 
     let cut = SceneFile::parse(

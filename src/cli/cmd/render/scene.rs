@@ -186,6 +186,8 @@ fn over_effects(scene: &mut SceneFile, args: &Render) -> Result<()> {
             Effect::EarlyOut => scene.early_out = None,
             Effect::Lod => scene.lod = None,
             Effect::ClipBox => scene.clip_box = None,
+            // What is not in memory must be jumped over.
+            Effect::EmptySkip => leave(scene, Effect::TfCull),
             _ => {}
         }
         leave(scene, *effect);
