@@ -64,6 +64,7 @@ fn main() {
     let base = |volume: &Volume, transfer: &TransferFunction| {
         let mut scene = Scene::of(volume).expect("a scene");
         scene.volumes[0].transfer = transfer.clone();
+        scene.volumes[0].seen.clear(); // the same camera for all
         scene.size = [pixels; 2];
         scene.camera.zoom = 1.8;
         (scene.lod, scene.shading, scene.empty_skip, scene.tf_cull, scene.early_out) =

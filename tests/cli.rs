@@ -359,6 +359,13 @@ fn demo_makes_a_page_that_needs_nothing_else() {
     for picture in ["2bit-4-fitted.png", "colour-3.png"] {
         assert!(out.join(picture).exists(), "{picture}");
     }
+    #[cfg(feature = "gpu")]
+    {
+        assert!(out.join("rendered.png").exists());
+        for words in ["Rendered", "iso-surface", "linear_opt", "synthetic data"] {
+            assert!(page.contains(words), "{words}");
+        }
+    }
     // Its lines work when pasted, and make the same file again.
     let page = page.replace("&amp;", "&");
     for file in ["2bit-4.vug", "colour-3-best.vug"] {

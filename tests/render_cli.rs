@@ -113,6 +113,10 @@ fn scenes_are_kept_in_files_and_in_volumes() {
     assert!(pixels(&d.join("a.png")) == pixels(&d.join("b.png")), "a scene file says all of it");
     ok(d, &[&["render", "ball.vug", "--store", "seen.vug"], &look[..], &FAST].concat());
     ok(d, &["verify", "seen.vug"]);
+    assert!(ok(d, &["info", "seen.vug"]).contains("scene       stored"));
+    assert!(ok(d, &["info", "ball.vug"]).contains("scene       none"));
+    let info: Value = serde_json::from_str(&ok(d, &["info", "seen.vug", "--json"])).unwrap();
+    assert!(info["scene"].as_str().unwrap().contains("azimuth = 75"));
     ok(d, &["render", "seen.vug", "-o", "c.png", "--adapter", "cpu"]);
     assert!(pixels(&d.join("a.png")) == pixels(&d.join("c.png")), "so does the volume's own scene");
     // Options come over it.

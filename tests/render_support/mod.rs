@@ -69,6 +69,8 @@ pub fn fog() -> TransferFunction {
 pub fn plain(volume: &Volume, transfer: TransferFunction, size: [u32; 2]) -> Scene {
     let mut scene = Scene::of(volume).unwrap();
     scene.volumes[0].transfer = transfer;
+    // The same camera for all codecs and brick layouts: it frames the box.
+    scene.volumes[0].seen.clear();
     scene.size = size;
     scene.sampler = Sampler::Linear;
     scene.early_out = None;

@@ -1,5 +1,7 @@
 //! `vug demo`: synthetic volumes, several settings, verified, measured, and pictured on one page.
 
+#[cfg(feature = "gpu")]
+mod rendered;
 mod settings;
 
 use crate::affine::ValueMap;
@@ -45,7 +47,11 @@ pub(super) fn run(args: &Demo) -> Result<Verdict> {
     }
     let subjects = subjects();
     let bar = progress(args.common.quiet || args.common.json, "demo");
-    bar.set_length(subjects.iter().map(|s| s.settings.len() as u64 + 1).sum());
+    #[cfg(feature = "gpu")]
+    let pictures = rendered::PICTURES;
+    #[cfg(not(feature = "gpu"))]
+    let pictures = 0;
+    bar.set_length(pictures + subjects.iter().map(|s| s.settings.len() as u64 + 1).sum::<u64>());
     let (mut parts, mut summary) = (Vec::new(), Vec::new());
     for subject in &subjects {
         let mut grid = phantom(DEFAULT_EXTENT, subject.sample_type)?;
@@ -62,9 +68,18 @@ pub(super) fn run(args: &Demo) -> Result<Verdict> {
         }
         parts.push(describe(subject, &grid, outcomes)?);
     }
+    #[cfg(feature = "gpu")]
+    let studio = rendered::Studio::open();
+    #[cfg(feature = "gpu")]
+    let sections = vec![studio.section(dir, args.force, &bar)?];
     bar.finish_and_clear();
     if args.common.json {
-        println!("{:#}", json!({ "page": page, "settings": summary }));
+        let mut json = json!({ "page": page, "settings": summary });
+        #[cfg(feature = "gpu")]
+        {
+            json["adapter"] = json!(studio.adapter());
+        }
+        println!("{json:#}");
     } else if !args.common.quiet {
         println!("All files verified. Look at {}", page.display());
     }
@@ -75,6 +90,8 @@ pub(super) fn run(args: &Demo) -> Result<Verdict> {
                 verified, read back, and compared voxel by voxel."
             .into(),
         parts,
+        #[cfg(feature = "gpu")]
+        sections,
         commands: vec!["vug demo          # writes this page, the volumes and the files that the lines above name".into()],
     };
     write_file(&page, args.force, report.to_html()?.as_bytes())?;

@@ -112,6 +112,7 @@ fn describe(volume: &Volume, bricks: &BrickCounts) -> Result<Value> {
         "replaced": d.replaced,
         "zstd": bricks.zstd > 0,
         "file_id": format!("{:032x}", u128::from_be_bytes(volume.head().superblock.file_id)),
+        "scene": volume.scene()?,
         "meta": volume.meta()?.map(|t| serde_json::from_str::<Value>(&t).unwrap_or(Value::String(t))),
     }))
 }
@@ -158,6 +159,7 @@ fn text(j: &Value) -> String {
          size        {} ({} bits per voxel)\n\
          ratio       {} formula, {} payload, {} file\n\
          error       {error}\n\
+         scene       {}\n\
          file id     {}\n",
         list(&j["dims"]),
         j["sample_type"].as_str().unwrap_or(""),
@@ -191,6 +193,9 @@ fn text(j: &Value) -> String {
         num(&j["ratio"]["formula"]),
         num(&j["ratio"]["payload"]),
         num(&j["ratio"]["file"]),
+        j["scene"]
+            .as_str()
+            .map_or("none stored".into(), |t| format!("stored, {} lines: vug render shows it", t.lines().count())),
         j["file_id"].as_str().unwrap_or(""),
     )
 }

@@ -81,11 +81,19 @@ pub(super) fn page(report: &Report) -> Result<String> {
         for (k, part) in report.parts.iter().enumerate() {
             let _ = write!(o, "<a href=\"#part{k}\">{}</a> ", escape(&part.name));
         }
+        #[cfg(feature = "gpu")]
+        for (k, (name, _)) in report.sections.iter().enumerate() {
+            let _ = write!(o, "<a href=\"#section{k}\">{}</a> ", escape(name));
+        }
         o.push_str("</p>\n");
     }
     o.push_str("</header>\n<main>\n");
     for (k, part) in report.parts.iter().enumerate() {
         one_part(&mut o, part, k)?;
+    }
+    #[cfg(feature = "gpu")]
+    for (k, (name, pieces)) in report.sections.iter().enumerate() {
+        super::page::section(&mut o, &format!("section{k}"), name, pieces)?;
     }
     o.push_str("<section id=\"commands\">\n<h2>Again, by hand</h2>\n");
     commands(&mut o, &report.commands);

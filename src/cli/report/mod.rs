@@ -28,6 +28,9 @@ pub(crate) struct Report {
     pub(crate) intro: String,
     /// The volumes.
     pub(crate) parts: Vec<Part>,
+    /// Headings and what follows them, after the volumes.
+    #[cfg(feature = "gpu")]
+    pub(crate) sections: Vec<(String, Vec<Piece>)>,
     /// Command lines that make what all rows share, and the page itself.
     pub(crate) commands: Vec<String>,
 }

@@ -65,13 +65,19 @@ impl Page {
         }
         o.push_str("</dl>\n</header>\n<main>\n");
         for (k, (name, pieces)) in self.sections.iter().enumerate() {
-            let _ = writeln!(o, "<section id=\"part{k}\">\n<h2>{}</h2>", escape(name));
-            pieces.iter().try_for_each(|p| p.write(&mut o))?;
-            o.push_str("</section>\n");
+            section(&mut o, &format!("part{k}"), name, pieces)?;
         }
         close(&mut o);
         Ok(o)
     }
+}
+
+/// A heading and what follows it.
+pub(super) fn section(o: &mut String, id: &str, name: &str, pieces: &[Piece]) -> Result<()> {
+    let _ = writeln!(o, "<section id=\"{id}\">\n<h2>{}</h2>", escape(name));
+    pieces.iter().try_for_each(|p| p.write(o))?;
+    o.push_str("</section>\n");
+    Ok(())
 }
 
 impl Piece {

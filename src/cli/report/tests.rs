@@ -42,6 +42,8 @@ fn report(rows: Vec<Row>) -> Report {
             terms: vec![("kept".into(), "how <many>".into())],
             rows,
         }],
+        #[cfg(feature = "gpu")]
+        sections: Vec::new(),
         commands: vec!["vug demo".into()],
     }
 }

@@ -72,7 +72,14 @@ pub(super) fn middle(placement: &Placement, extent: Extent) -> [f64; 3] {
     std::array::from_fn(|row| dot([0, 1, 2].map(|a| placement.matrix[row][a]), n) + placement.matrix[row][3])
 }
 
-/// The same in index coordinates of level 0.
+/// From there to index coordinates of level 0, in world units: exact far from the origin.
+#[must_use]
+pub(in crate::render) fn from_middle(placement: &Placement, extent: Extent, index: [f64; 3]) -> [f64; 3] {
+    let from = sub(index, middle_index(extent));
+    (0..3).fold([0.0; 3], |at, a| add(at, scaled(placement.direction(a), from[a])))
+}
+
+/// The middle in index coordinates of level 0.
 pub(super) fn middle_index(extent: Extent) -> [f64; 3] {
     extent.to_array().map(|n| (f64::from(n) - 1.0) / 2.0)
 }

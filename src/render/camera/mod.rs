@@ -8,6 +8,7 @@ mod tests;
 mod view;
 
 pub use lod::{LodChoice, level_for};
+pub(super) use matrix::from_middle;
 pub use matrix::{apply, inverse, to_level};
 pub use view::{Rays, View};
 
@@ -39,10 +40,11 @@ pub struct CameraSpec {
     pub elevation: f64,
     /// Enlarges a picture in which all of the volume would be seen.
     pub zoom: f64,
-    /// Where the camera stands, in world units; without it, as far away as all is seen.
+    /// Where the camera stands, in world units; without it, as far away as all is seen that the transfer function shows.
     #[serde(deserialize_with = "super::scene::named::exact_or_none", skip_serializing_if = "Option::is_none")]
     pub eye: Option<[f64; 3]>,
-    /// What it looks at, in world units; without it the middle of the volume.
+    /// What it looks at, in world units; without it the middle of what is seen, or of the volume where `eye` or `height` is
+    /// given.
     #[serde(deserialize_with = "super::scene::named::exact_or_none", skip_serializing_if = "Option::is_none")]
     pub target: Option<[f64; 3]>,
     /// What is up in the picture; without it the world's third axis.
@@ -112,6 +114,12 @@ impl CameraSpec {
         Ok(())
     }
 
+    /// Whether it frames what can be seen, because nothing says where it stands.
+    #[must_use]
+    pub fn is_auto(&self) -> bool {
+        self.eye.is_none() && self.target.is_none() && self.height.is_none()
+    }
+
     /// Where the camera stands for one volume: its placement, its voxels at level 0, and the picture's width and height in
     /// pixels.
     ///
@@ -127,13 +135,24 @@ impl CameraSpec {
     /// # Errors
     /// As [`CameraSpec::resolve`]; `E_PARAM` for no volume.
     pub fn resolve_all(&self, volumes: &[(&Placement, Extent)], size: [u32; 2]) -> Result<View> {
+        self.resolve_seen(volumes, &[], size)
+    }
+
+    /// As [`CameraSpec::resolve_all`], but it frames these points of each volume, in world units from its middle, where
+    /// nothing says where it stands. Of none, the volume's box.
+    ///
+    /// # Errors
+    /// As [`CameraSpec::resolve_all`].
+    pub fn resolve_seen(&self, volumes: &[(&Placement, Extent)], seen: &[&[[f64; 3]]], size: [u32; 2]) -> Result<View> {
         self.check(size)?;
         let Some((first, _)) = volumes.first() else { return bad("volume", "the scene has none") };
         for (placement, _) in volumes {
             placement.check()?;
         }
-        let (middle, corners) = corners(volumes);
+        let framed = if self.is_auto() { seen } else { &[] };
+        let (middle, corners) = corners(volumes, framed);
         let center = self.target.unwrap_or(middle);
+        let pivot = if self.is_auto() { box_middle(&corners) } else { [0.0; 3] };
         let (away, natural_up) = self.direction(first.space);
         let from_eye = self.eye.map(|eye| sub(eye, center));
         let forward = unit(scaled(from_eye.unwrap_or(away), -1.0));
@@ -158,7 +177,7 @@ impl CameraSpec {
         let right = if first.space == Space::Las { scaled(right, -1.0) } else { right };
         let axis = self.up.map_or([0.0, 0.0, 1.0], unit);
         let frame = [right, up, forward];
-        let all: Vec<[f64; 3]> = corners.iter().map(|c| add(*c, sub(middle, center))).collect();
+        let all: Vec<[f64; 3]> = corners.iter().map(|c| sub(add(*c, sub(middle, center)), pivot)).collect();
         let [w, h] = size.map(f64::from);
         let half = (self.fov.to_radians() / 2.0).tan();
         let from_center = from_eye.unwrap_or_else(|| {
@@ -166,7 +185,7 @@ impl CameraSpec {
                 Lens::Perspective => fit::distance(&all, axis, frame, [half * w / h, half]),
                 Lens::Orthographic => 2.0 * all.iter().map(|c| length(*c)).fold(0.0, f64::max),
             };
-            scaled(away, distance / self.zoom)
+            add(pivot, scaled(away, distance / self.zoom))
         });
         let pixel = match (self.lens, self.height) {
             (Lens::Perspective, _) => 2.0 * half / h,
@@ -174,7 +193,7 @@ impl CameraSpec {
             (Lens::Orthographic, None) => fit::height(&all, axis, frame, w / h) / self.zoom / h,
         };
         let eye = self.eye.unwrap_or_else(|| add(center, from_center));
-        Ok(View { lens: self.lens, eye, right, up, forward, pixel, size, center, from_center, axis })
+        Ok(View { lens: self.lens, eye, right, up, forward, pixel, size, center, from_center, pivot, axis })
     }
 
     /// Direction from the middle to the camera, and what is up from there: never the same.
@@ -199,35 +218,44 @@ fn front(space: Space) -> [f64; 3] {
     }
 }
 
-/// Middle of the box around all volumes in world units, and the corners of all of them relative to it.
+/// Middle of the box around all volumes in world units, and points of each relative to it: those that are given, else its
+/// corners.
 ///
 /// Of one volume the middle is exactly where its own middle is computed to be, so that a camera can be placed relative to it
 /// without loss (hard case D-57).
-fn corners(volumes: &[(&Placement, Extent)]) -> ([f64; 3], Vec<[f64; 3]>) {
-    let own = |p: &Placement, e: Extent| -> Vec<[f64; 3]> {
+fn corners(volumes: &[(&Placement, Extent)], seen: &[&[[f64; 3]]]) -> ([f64; 3], Vec<[f64; 3]>) {
+    let whole = |(p, e): (&Placement, Extent)| -> Vec<[f64; 3]> {
         let n = e.to_array().map(f64::from);
-        // Relative to the middle: half the edges.
-        let half: [[f64; 3]; 3] = std::array::from_fn(|a| scaled(p.direction(a), n[a] / 2.0));
-        let corner =
-            |i: usize| (0..3).fold([0.0; 3], |c, a| add(c, scaled(half[a], if i >> a & 1 == 1 { 1.0 } else { -1.0 })));
-        (0..8).map(corner).collect()
+        let corner = |i: usize| std::array::from_fn(|a| if i >> a & 1 == 1 { n[a] - 0.5 } else { -0.5 });
+        (0..8).map(|i| from_middle(p, e, corner(i))).collect()
+    };
+    let own = |i: usize| match seen.get(i) {
+        Some(points) if !points.is_empty() => points.to_vec(),
+        _ => whole(volumes[i]),
     };
     if let [(placement, extent)] = volumes {
-        return (matrix::middle(placement, *extent), own(placement, *extent));
+        return (matrix::middle(placement, *extent), own(0));
     }
-    let all: Vec<[f64; 3]> =
-        volumes.iter().flat_map(|(p, e)| own(p, *e).into_iter().map(|c| add(c, matrix::middle(p, *e)))).collect();
+    let moved = |points: Vec<[f64; 3]>, by: [f64; 3]| points.into_iter().map(move |c| add(c, by));
+    let middle_of = |i: usize| matrix::middle(volumes[i].0, volumes[i].1);
+    let all: Vec<_> = (0..volumes.len()).flat_map(|i| moved(whole(volumes[i]), middle_of(i))).collect();
+    let middle = box_middle(&all);
+    let points = (0..volumes.len()).flat_map(|i| moved(own(i), sub(middle_of(i), middle)));
+    (middle, points.collect())
+}
+
+/// Middle of the box around points.
+fn box_middle(points: &[[f64; 3]]) -> [f64; 3] {
     let fold = |f: fn(f64, f64) -> f64, start: f64| -> [f64; 3] {
-        std::array::from_fn(|a| all.iter().map(|c| c[a]).fold(start, f))
+        std::array::from_fn(|a| points.iter().map(|c| c[a]).fold(start, f))
     };
     let (lo, hi) = (fold(f64::min, f64::INFINITY), fold(f64::max, f64::NEG_INFINITY));
-    let middle: [f64; 3] = std::array::from_fn(|a| lo[a] + (hi[a] - lo[a]) / 2.0);
-    (middle, all.iter().map(|c| sub(*c, middle)).collect())
+    std::array::from_fn(|a| lo[a] + (hi[a] - lo[a]) / 2.0)
 }
 
 /// Radius of the sphere around all volumes, in world units.
 pub(super) fn radius_of_all(volumes: &[(&Placement, Extent)]) -> f64 {
-    corners(volumes).1.into_iter().map(length).fold(0.0, f64::max)
+    corners(volumes, &[]).1.into_iter().map(length).fold(0.0, f64::max)
 }
 
 /// Half the diagonal of one volume's box, in world units.

@@ -238,3 +238,35 @@ fn several_volumes_are_seen_together() {
     }
     assert_eq!(CameraSpec::default().resolve_all(&[], [64, 64]).unwrap_err().code(), Code::Param);
 }
+
+#[test]
+fn what_is_seen_is_framed() {
+    let p = placement();
+    // A box of 10×10×4 voxels far from the middle: 5×5×8 world units.
+    let corner = |i: usize| -> [f64; 3] {
+        std::array::from_fn(|a| [70.0, 50.0, 30.0][a] + if i >> a & 1 == 1 { [10.0, 10.0, 4.0][a] } else { 0.0 })
+    };
+    let seen: Vec<_> = (0..8).map(|i| from_middle(&p, EXTENT, corner(i))).collect();
+    for lens in [Lens::Perspective, Lens::Orthographic] {
+        let spec = CameraSpec { lens, elevation: 0.0, ..CameraSpec::default() };
+        let start = spec.resolve_seen(&[(&p, EXTENT)], &[&seen], [60, 60]).unwrap();
+        let (mut lowest, mut highest) = (60.0f64, 0.0f64);
+        for turn in 0..12 {
+            let view = start.turned(f64::from(turn) * std::f64::consts::TAU / 12.0);
+            for i in 0..8 {
+                let world = std::array::from_fn(|a| p.matrix[a][3] + p.matrix[a][a] * corner(i)[a]);
+                let [x, y] = on_film(&view, world);
+                assert!(x > -0.5 && y > -0.5 && x < 59.5 && y < 59.5, "{lens} {turn} {x} {y}");
+                (lowest, highest) = (lowest.min(y), highest.max(y));
+            }
+        }
+        assert!(lowest < 4.0 && highest > 55.0, "and fills the picture: {lowest} to {highest}");
+        // Who says where the camera looks is not talked out of it.
+        let told = CameraSpec { target: Some([20.0, 0.0, 60.0]), ..spec };
+        let (a, b) = (told.resolve_seen(&[(&p, EXTENT)], &[&seen], [60, 60]), told.resolve(&p, EXTENT, [60, 60]));
+        assert_eq!(a.unwrap(), b.unwrap());
+    }
+    let (whole, none) = (CameraSpec::default().resolve(&p, EXTENT, [8, 8]), &[][..]);
+    let empty = CameraSpec::default().resolve_seen(&[(&p, EXTENT)], &[none], [8, 8]).unwrap();
+    assert_eq!((&empty, empty.pivot), (&whole.unwrap(), [0.0; 3]));
+}

@@ -26,10 +26,12 @@ pub struct View {
     pub pixel: f64,
     /// Width and height of the picture, in pixels.
     pub size: [u32; 2],
-    /// What the camera looks at, and turns around, in world units.
+    /// What it is placed by, in world units: what the camera looks at, or the middle of the volume.
     pub center: [f64; 3],
     /// From there to the eye: exact where the eye itself is rounded far from the origin.
     pub from_center: [f64; 3],
+    /// From there to what is in the middle of the picture, and what the camera turns around.
+    pub pivot: [f64; 3],
     /// The axis that a turntable turns around.
     pub axis: [f64; 3],
 }
@@ -61,7 +63,7 @@ pub struct Rays {
 }
 
 impl View {
-    /// The view from another side: turned around its axis, which goes through its centre, by `angle` radians.
+    /// The view from another side: turned around its axis, which goes through its pivot, by `angle` radians.
     #[must_use]
     pub fn turned(&self, angle: f64) -> View {
         let turn = |v: [f64; 3]| {
@@ -70,7 +72,7 @@ impl View {
             // Rodrigues' formula.
             add(add(scaled(v, c), scaled(cross(k, v), s)), scaled(k, dot(k, v) * (1.0 - c)))
         };
-        let from_center = turn(self.from_center);
+        let from_center = add(self.pivot, turn(sub(self.from_center, self.pivot)));
         View {
             eye: add(self.center, from_center),
             right: unit(turn(self.right)),

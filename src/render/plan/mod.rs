@@ -4,12 +4,14 @@ mod cull;
 mod explain;
 mod fetches;
 mod passes;
+mod seen;
 #[cfg(test)]
 mod tests;
 mod visible;
 
 pub use fetches::{Fetches, fetches};
 pub use passes::{PlannedBinding, PlannedPass};
+pub(super) use seen::seen;
 pub use visible::{BrickMask, LevelBounds};
 
 use super::camera::{View, level_for, radius, spacing_ends};
@@ -82,7 +84,8 @@ impl Plan {
             return Err(Error::param("volume", message));
         }
         let boxes: Vec<(&Placement, Extent)> = volumes.iter().map(|v| (&v.info().placement, v.info().dims)).collect();
-        let view = scene.camera.resolve_all(&boxes, scene.size)?;
+        let seen: Vec<&[[f64; 3]]> = scene.volumes.iter().map(|v| &v.seen[..]).collect();
+        let view = scene.camera.resolve_seen(&boxes, &seen, scene.size)?;
         let finest = boxes.iter().map(|(p, _)| spacing_ends(p).1).fold(f64::INFINITY, f64::min);
         let step = scene.step * finest;
         let (samples, longest) = samples(&boxes, step)?;

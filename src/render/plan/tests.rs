@@ -197,3 +197,32 @@ fn bricks_that_no_view_shows_are_not_loaded() {
     plan.cull_to(&far, &[plan.view.clone()]).unwrap();
     assert_eq!(plan.levels[0].wanted.count(), 125, "one pixel holds all of it");
 }
+
+#[test]
+fn cameras_frame_the_bricks_with_something_to_see() {
+    let v = ball(3);
+    let transfer = r#"[{ value = 100, color = [1, 1, 1], alpha = 0 }, { value = 150, color = [1, 1, 1], alpha = 1 }]"#;
+    let resolved = |more: &str| {
+        let text = format!("{more}\n[[volume]]\ntransfer = {{ points = {transfer} }}");
+        SceneFile::parse(&text).unwrap().resolve(&[&v], Path::new("")).unwrap()
+    };
+    let scene = resolved("");
+    // The ball lies in the brick from 16 to 32; the volume's middle is at (47.5, 39.5, 31.5).
+    let first = [15.5 - 47.5, 15.5 - 39.5, 15.5 - 31.5];
+    assert_eq!((scene.volumes[0].seen.len(), scene.volumes[0].seen[0]), (16, first));
+    let view = |scene: &Scene| plan(&v, scene).view;
+    assert_eq!(view(&scene).pivot, first.map(|c| c + 8.0));
+    // Whatever the level, and when other values are shown later, it stays where it is.
+    assert_eq!(view(&resolved("level = 2")), view(&scene));
+    let mut other = scene.clone();
+    other.volumes[0].transfer = TransferFunction::new(vec![Point { value: 0.0, color: [1.0; 3], alpha: 1.0 }]).unwrap();
+    assert_eq!(view(&other), view(&scene));
+    // Nothing to see, all values to see, or a camera that is told where to stand: the box.
+    for more in [
+        "projection = \"iso\"\niso_surface = { value = 250 }",
+        "projection = \"maximum\"",
+        "[camera]\ntarget = [0, 0, 0]",
+    ] {
+        assert!(resolved(more).volumes[0].seen.is_empty(), "{more}");
+    }
+}

@@ -76,6 +76,9 @@ pub struct SceneVolume {
     pub time: f64,
     /// Colour and opacity of its values.
     pub transfer: TransferFunction,
+    /// Corners of what was there to be seen when the scene was resolved, in world units from the volume's middle: what a
+    /// camera frames that is not told where to stand. Of none, it frames the volume's box.
+    pub seen: Vec<[f64; 3]>,
 }
 
 /// Which level of detail is shown.

@@ -4,6 +4,7 @@ use super::file::{EarlyOut, LodPixels};
 use super::{EARLY_OUT, Lod, MAX_VOLUMES, Scene, SceneFile, SceneVolume, VolumeSpec};
 use crate::error::{Error, Result};
 use crate::gpu::{Effect, Projection, Traversal};
+use crate::render::plan;
 use crate::render::transfer::ValueStats;
 use crate::volume::Volume;
 use std::path::Path;
@@ -90,9 +91,9 @@ impl SceneFile {
         };
         let early_out =
             has(Effect::EarlyOut).then(|| self.early_out.unwrap_or(EarlyOut { remaining: EARLY_OUT }).remaining);
-        let volumes = specs.iter().zip(volumes).map(|(spec, volume)| volume_of(spec, volume, folder));
-        let scene = Scene {
-            volumes: volumes.collect::<Result<_>>()?,
+        let shown = specs.iter().zip(volumes).map(|(spec, volume)| volume_of(spec, volume, folder));
+        let mut scene = Scene {
+            volumes: shown.collect::<Result<_>>()?,
             camera: self.camera.clone(),
             size: self.size,
             step: self.step,
@@ -112,6 +113,8 @@ impl SceneFile {
             time_interp: has(Effect::TimeInterp),
         };
         scene.check()?;
+        let seen: Vec<_> = scene.volumes.iter().zip(volumes).map(|(s, volume)| plan::seen(&scene, s, volume)).collect();
+        scene.volumes.iter_mut().zip(seen).for_each(|(shown, seen)| shown.seen = seen);
         Ok(scene)
     }
 }
@@ -142,5 +145,5 @@ fn volume_of(spec: &VolumeSpec, volume: &Volume, folder: &Path) -> Result<SceneV
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked")]
     let step = spec.time as u32;
     let transfer = spec.transfer.resolve(folder, || ValueStats::of(volume, step, spec.channel))?;
-    Ok(SceneVolume { path: spec.path.clone(), channel: spec.channel, time: spec.time, transfer })
+    Ok(SceneVolume { path: spec.path.clone(), channel: spec.channel, time: spec.time, transfer, seen: Vec::new() })
 }
