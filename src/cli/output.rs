@@ -23,6 +23,8 @@ pub(super) fn exit_code(error: &Error) -> u8 {
     // A parameter error *with* an offset is a wrong parameter inside a file.
     match error.code() {
         Code::Param | Code::Range if error.offset().is_none() => 2,
+        // What was asked for is too much, not what a file holds.
+        Code::Limit if matches!(error.field(), "size" | "step" | "gpu-mem" | "scene") => 2,
         _ => 3,
     }
 }

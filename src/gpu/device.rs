@@ -69,7 +69,7 @@ impl Gpu {
     /// Opens the chosen adapter with all its limits.
     ///
     /// # Errors
-    /// `E_SOURCE` where there is no such adapter, with those there are, or where it does not open.
+    /// `E_PARAM` where there is no such adapter, with those there are; `E_SOURCE` where there is none at all, or it does not open.
     pub fn open(choice: &AdapterChoice) -> Result<Gpu> {
         let all = adapters();
         let Some(adapter) = all.iter().find(|a| choice.takes(&a.get_info())) else {
@@ -78,7 +78,8 @@ impl Gpu {
                 0 => "no GPU adapter found: install a driver, or Mesa's software Vulkan (package mesa-vulkan-drivers), or render with --adapter cpu".to_owned(),
                 _ => format!("no such adapter; there are: {}; or render with --adapter cpu", names.join("; ")),
             };
-            return Err(Error::new(Code::Source, "adapter", message));
+            let code = if names.is_empty() { Code::Source } else { Code::Param };
+            return Err(Error::new(code, "adapter", message));
         };
         Gpu::of(adapter, choice.portable)
     }

@@ -7,7 +7,7 @@ use super::plan::{Plan, PlannedLevel};
 use super::scene::Scene;
 use super::setup::{Lies, frame, frame_bytes, overrides};
 use super::{PassTime, Progress};
-use crate::error::Result;
+use crate::error::{Code, Error, Result};
 use crate::gpu::key::Form;
 use crate::gpu::layout;
 use crate::gpu::level::Filled;
@@ -52,6 +52,11 @@ impl GpuScene {
         volumes: &[Arc<Volume>],
         progress: Progress<'_>,
     ) -> Result<GpuScene> {
+        // Mesa's llvmpipe (22.3) crashes in shaders with four bind groups.
+        if gpu.is_software() && plan.levels.len() > 2 {
+            let message = "software adapters take two volumes at most; render three with --adapter cpu, or on a GPU";
+            return Err(Error::new(Code::Unsupported, "volume", message));
+        }
         let mut loading = Vec::new();
         let mut levels = Vec::new();
         for planned in &plan.levels {

@@ -20,10 +20,10 @@ of the phantom are the paper's; all other figures are those of the data they nam
 
 Examples:
   vug tradeoff head.nrrd -o out/
-  vug tradeoff head.nrrd -o out/ --bits 2,4,8 --blocks 4,16,64 --steps 0.5,1,2 --size 512,512
-  vug tradeoff head.vug -o out/ --adapter cpu --size 128,128 --frames 1
+  vug tradeoff head.nrrd -o out/ --bits 2,4,8 --blocks 4,16,64 --steps 0.5,1,2 --size 512x512
+  vug tradeoff head.vug -o out/ --adapter cpu --size 128x128 --frames 1
   vug tradeoff head.nrrd --paper-table-1 -o table1/
-  vug tradeoff --paper-table-1 --phantom 128,128,122 --size 256,256 -o small/"
+  vug tradeoff --paper-table-1 --phantom 128,128,122 --size 256x256 -o small/"
 )]
 pub(in crate::cli) struct Tradeoff {
     /// Volume: .vug or any other readable file
@@ -60,7 +60,7 @@ pub(in crate::cli) struct Tradeoff {
     #[arg(long, value_name = "X,Y,Z", value_parser = parse_extent, requires = "paper_table_1")]
     pub(in crate::cli) phantom: Option<Extent>,
     /// Width and height of pictures [default: 512,512; 768,768 with --paper-table-1]
-    #[arg(long, value_name = "W,H", value_parser = parse_size)]
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
     pub(in crate::cli) size: Option<[u32; 2]>,
     /// Frames to time for each picture
     #[arg(long, value_name = "N", default_value = "5", value_parser = clap::value_parser!(u32).range(1..=1000))]
@@ -81,8 +81,8 @@ pub(in crate::cli) struct Tradeoff {
 }
 
 fn parse_size(s: &str) -> Result<[u32; 2], String> {
-    match numbers::<u32>(s, ',').as_deref() {
+    match numbers::<u32>(&s.replace('x', ","), ',').as_deref() {
         Some(&[w, h]) if (1..=16384).contains(&w) && (1..=16384).contains(&h) => Ok([w, h]),
-        _ => Err("wants W,H, each from 1 to 16384".into()),
+        _ => Err("wants WxH, each from 1 to 16384".into()),
     }
 }

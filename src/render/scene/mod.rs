@@ -246,6 +246,10 @@ impl Scene {
             (Projection::Iso, Some(_)) | (_, None) => {}
             (_, Some(_)) => return bad("iso_surface", "it is for projection = \"iso\" only".into()),
         }
+        if self.time_interp && self.volumes.len() > 1 {
+            let message = "between two time steps a scene has one volume; show the others at whole steps, in a picture of their own";
+            return bad("time_interp", message.into());
+        }
         if self.tf_cull && !self.empty_skip {
             let message =
                 "tf_cull goes with empty_skip: what is not in memory must be jumped over; name both or neither";

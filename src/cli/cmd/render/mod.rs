@@ -31,6 +31,9 @@ pub(super) fn run(args: &Render) -> Result<Verdict> {
         }
         None => None,
     };
+    if args.report.is_some() && args.report == args.output {
+        return Err(Error::param("report", "it would be written over the picture; give it another name"));
+    }
     // Before hours of rendering.
     if let Some((path, kind)) = kind {
         check_no_stdout(path)?;
@@ -109,6 +112,11 @@ fn picture(args: &Render, session: &mut Session, path: &Path, kind: Kind, first:
     } else if !args.common.quiet {
         println!("{}", path.display());
         print!("{}", summary(session.scene(), &report, views.len()));
+        if !seen {
+            eprintln!(
+                "note: nothing is in view: look at the camera, the clipping box, and the values (vug info) under the transfer function or iso value"
+            );
+        }
         for note in session.notes() {
             eprintln!("note: {note}");
         }
