@@ -39,7 +39,7 @@ fn memory(scene: &Scene, volumes: &[&Volume], fit: &Fit, levels: &[PlannedLevel]
     let laid = |lod: Option<u8>, source: Source| -> Option<u64> {
         let lay = |l: &PlannedLevel| {
             let volume = volumes[l.volume];
-            let at = At { lod: lod.unwrap_or(l.at.lod).max(l.at.lod), ..l.at };
+            let at = At { lod: lod.unwrap_or(l.at.lod), ..l.at };
             match (at.lod < volume.info().lod_count, scene.sampler) {
                 (false, _) => None,
                 (true, Sampler::HwLinear) => LevelLayout::new_filtered(volume, at, source, fit).ok(),
