@@ -132,6 +132,7 @@ impl Gpu {
             storage_buffers: self.limits.max_storage_buffers_per_shader_stage,
             filter_f32: self.features.contains(wgpu::Features::FLOAT32_FILTERABLE),
             norm16: self.features.contains(wgpu::Features::TEXTURE_FORMAT_16BIT_NORM),
+            max_2d: self.limits.max_texture_dimension_2d,
             budget,
         }
     }

@@ -222,6 +222,26 @@ pub struct VolumeKey {
     pub folded: bool,
 }
 
+impl VolumeKey {
+    /// Pages of streams.
+    #[must_use]
+    pub const fn pages(&self) -> u32 {
+        match self.form {
+            Form::Zerobit { pages, .. } => pages,
+            Form::Raw(_) | Form::S3dc(_) => 0,
+        }
+    }
+
+    /// The same, with so many pages of streams where it has any: all else of two steps of a series is alike, their lengths are not.
+    #[must_use]
+    pub const fn with_pages(mut self, n: u32) -> VolumeKey {
+        if let Form::Zerobit { pages, .. } = &mut self.form {
+            *pages = n;
+        }
+        self
+    }
+}
+
 /// How gradients are found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Default)]
 pub enum Gradient {

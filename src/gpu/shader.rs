@@ -84,7 +84,10 @@ impl PipelineKey {
         if self.traversal == Traversal::CutPlane && self.projection != Projection::Composite {
             return bad("traversal", "a cutting plane has one sample per pixel: its projection is composite");
         }
-        if self.effects.has(Effect::TimeInterp) && (self.volumes.len() != 2 || self.volumes[0] != self.volumes[1]) {
+        let alike = |a: &VolumeKey, b: &VolumeKey| a.with_pages(0) == b.with_pages(0);
+        if self.effects.has(Effect::TimeInterp)
+            && (self.volumes.len() != 2 || !alike(&self.volumes[0], &self.volumes[1]))
+        {
             return bad("time", "between time steps there is one volume, at two steps");
         }
         for v in &self.volumes {
@@ -312,6 +315,13 @@ impl PipelineKey {
         }
         all.sort_by_key(|b| (b.group, b.binding));
         all
+    }
+
+    /// Storage buffers of the picture's shader.
+    #[must_use]
+    pub fn storage_buffers(&self) -> u32 {
+        let storage = |b: &Binding| matches!(b.kind, BindingKind::Read | BindingKind::Written);
+        self.bindings().iter().map(|b| u32::from(storage(b))).sum()
     }
 
     /// Name of the compute entry point, or of the fragment's for slices.

@@ -310,15 +310,16 @@ impl<'a> Uploading<'a> {
         if self.waiting < BATCH_BYTES { Ok(()) } else { self.submit() }
     }
 
-    fn buffer(&mut self, label: &str, words: &[u32]) -> Result<wgpu::Buffer> {
+    /// A buffer that begins with `room` bytes of something else, then `words`.
+    fn buffer(&mut self, label: &str, room: u64, words: &[u32]) -> Result<wgpu::Buffer> {
         let gpu = self.gpu;
         let bytes: &[u8] = bytemuck::cast_slice(words);
         // A binding is never empty.
-        let size = bytes.len().max(16) as u64;
+        let size = (room + bytes.len() as u64).max(16);
         let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
         let wanted = wgpu::BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false };
         let buffer = gpu.checked(|| gpu.device.create_buffer(&wanted))?;
-        gpu.queue.write_buffer(&buffer, 0, bytes);
+        gpu.queue.write_buffer(&buffer, room, bytes);
         self.wrote(bytes.len())?;
         Ok(buffer)
     }
@@ -337,7 +338,19 @@ impl LevelTarget for Uploading<'_> {
     }
 
     fn page(&mut self, words: Vec<u32>) -> Result<()> {
-        let page = self.buffer("page", &words)?;
+        let page = self.buffer("page", 0, &words)?;
+        self.pages.push(page);
+        Ok(())
+    }
+
+    /// Buffers do not grow: a longer one takes over what is on the device, and only the new words are sent.
+    fn append(&mut self, there: usize, words: Vec<u32>) -> Result<()> {
+        let Some(old) = self.pages.pop() else { return self.page(words) };
+        let room = there as u64 * 4;
+        let page = self.buffer("page", room, &words)?;
+        let mut encoder = self.gpu.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
+        encoder.copy_buffer_to_buffer(&old, 0, &page, 0, room);
+        self.gpu.queue.submit([encoder.finish()]);
         self.pages.push(page);
         Ok(())
     }
@@ -347,7 +360,7 @@ impl LevelTarget for Uploading<'_> {
             self.gpu.queue.write_buffer(table, 0, bytemuck::cast_slice(bricks));
             return self.wrote(bricks.len() * 4);
         }
-        *self.tables = Some([self.buffer("bricks", bricks)?, self.buffer("codebooks", books)?]);
+        *self.tables = Some([self.buffer("bricks", 0, bricks)?, self.buffer("codebooks", 0, books)?]);
         Ok(())
     }
 }

@@ -1,6 +1,8 @@
 //! How true a picture is to its source: which level is shown, how far values can be off, what was read and what is missing.
 
 use super::plan::{Plan, PlannedLevel};
+use super::scene::Scene;
+use super::setup::overrides;
 use crate::volume::Volume;
 use serde_json::{Value, json};
 
@@ -24,6 +26,8 @@ pub struct PassTimes {
     pub name: String,
     /// Milliseconds, of each time it ran.
     pub ms: Vec<f64>,
+    /// Whether the device's own clock measured them; else it is wall time.
+    pub by_device: bool,
 }
 
 impl PassTimes {
@@ -47,29 +51,55 @@ pub struct Bytes {
 }
 
 /// How far the values that a level shows can be from those of the source's finest level at the same place, in sample units:
-/// the worst over all bricks with something to see. `None` where a brick does not say what its error is.
+/// the worst over all bricks with something to see in the views that the plan was made for. `None` where a brick does not say what its error is.
 ///
 /// At level 0 it is the bricks' largest error. A coarser voxel and the voxels that it stands for lie between minimum and
 /// maximum of its brick (and of the next ones, for interpolation), and these are off by the brick's largest error: so the
-/// bound is max − min + max error.
+/// bound is max − min + max error. Where a texture unit filters, [`filter_error`] comes on top.
 #[must_use]
 pub fn error_bound(level: &PlannedLevel) -> Option<f64> {
     let mut worst = 0.0f64;
-    let [nx, ny, nz] = level.visible.size();
+    let [nx, ny, nz] = level.in_view.size();
     for brick in (0..nz).flat_map(|z| (0..ny).flat_map(move |y| (0..nx).map(move |x| [x, y, z]))) {
-        if !level.visible.has(brick) {
+        if !level.in_view.has(brick) {
             continue;
         }
         let b = level.bounds.with_neighbours(brick);
-        let spread = if level.at.lod == 0 { 0.0 } else { f64::from(b.max) - f64::from(b.min) };
-        worst = worst.max(spread + f64::from(b.max_error?));
+        let range = f64::from(b.max) - f64::from(b.min);
+        let spread = if level.at.lod == 0 { 0.0 } else { range };
+        worst = worst.max(spread + f64::from(b.max_error?) + filter_share(level) * range);
     }
     Some(worst)
 }
 
+/// What a texture unit may be off by, of the range of the values that it filters between: its fractions have 8 bits on much
+/// hardware, so 1/256 for each of three axes. 0 where shaders interpolate.
+fn filter_share(level: &PlannedLevel) -> f64 {
+    if level.layout.filtered { 3.0 / 256.0 } else { 0.0 }
+}
+
+/// The part of [`error_bound`] that is the texture unit's, at most: 3/256 of the range of values around a brick in view.
+#[must_use]
+pub fn filter_error(level: &PlannedLevel) -> f64 {
+    let [nx, ny, nz] = level.in_view.size();
+    let all = (0..nz).flat_map(|z| (0..ny).flat_map(move |y| (0..nx).map(move |x| [x, y, z])));
+    let range = |brick| {
+        let b = level.bounds.with_neighbours(brick);
+        f64::from(b.max) - f64::from(b.min)
+    };
+    filter_share(level) * all.filter(|&b| level.in_view.has(b)).map(range).fold(0.0, f64::max)
+}
+
 /// The report beside a picture.
 #[must_use]
-pub fn report(plan: &Plan, volumes: &[&Volume], device: &Device, passes: &[PassTimes], bytes: Bytes) -> Value {
+pub fn report(
+    plan: &Plan,
+    scene: &Scene,
+    volumes: &[&Volume],
+    device: &Device,
+    passes: &[PassTimes],
+    bytes: Bytes,
+) -> Value {
     let missing: u64 = volumes.iter().map(|v| v.head().unfinished()).sum();
     let levels = plan.levels.iter().map(|l| {
         json!({
@@ -80,11 +110,17 @@ pub fn report(plan: &Plan, volumes: &[&Volume], device: &Device, passes: &[PassT
             "coarsest_level": volumes[l.volume].info().lod_count - 1,
             "why": l.reason,
             "error_bound": error_bound(l),
+            "filter_error": filter_error(l),
+            "bricks_in_view": l.in_view.count(),
             "bricks_needed": l.wanted.count(),
             "bricks_visible": l.visible.count(),
         })
     });
-    let times = passes.iter().map(|p| json!({ "name": p.name, "median_ms": p.median(), "ms": p.ms }));
+    let times = passes
+        .iter()
+        .map(|p| json!({ "name": p.name, "median_ms": p.median(), "ms": p.ms, "by_device": p.by_device }));
+    let constants: serde_json::Map<String, Value> =
+        overrides(plan, scene).into_iter().map(|(name, value)| (name, json!(value))).collect();
     let files: Vec<_> = plan.passes.iter().flat_map(|p| p.files.iter()).collect();
     json!({
         "levels": levels.collect::<Vec<_>>(),
@@ -99,8 +135,9 @@ pub fn report(plan: &Plan, volumes: &[&Volume], device: &Device, passes: &[PassT
         },
         "sampler": plan.key.sampler.name(),
         "step": plan.step,
-        "effects": plan.key.effects.iter().map(|e| e.name()).collect::<Vec<_>>(),
+        "effects": plan.effects.iter().map(|e| e.name()).collect::<Vec<_>>(),
         "shaders": files,
+        "constants": constants,
         "passes": times.collect::<Vec<_>>(),
     })
 }
@@ -119,7 +156,7 @@ mod tests {
 
     #[test]
     fn medians() {
-        let of = |ms: &[f64]| PassTimes { name: String::new(), ms: ms.to_vec() }.median();
+        let of = |ms: &[f64]| PassTimes { name: String::new(), ms: ms.to_vec(), by_device: false }.median();
         assert_eq!(
             (of(&[]), of(&[3.0]), of(&[9.0, 1.0, 4.0]), of(&[1.0, 2.0])),
             (None, Some(3.0), Some(4.0), Some(1.5))
@@ -163,7 +200,7 @@ mod tests {
             }
             assert!(worst <= bound && worst > 0.0, "level {lod}: {worst} of {bound}");
             bounds.push(bound);
-            let json = report(&plan, &[&v], &Device::default(), &[], Bytes { read: 7, uploaded: 8 });
+            let json = report(&plan, &scene, &[&v], &Device::default(), &[], Bytes { read: 7, uploaded: 8 });
             assert_eq!((&json["levels"][0]["error_bound"], &json["is_final"]), (&json!(bound), &json!(lod == 0)));
             assert_eq!(json["bytes"], json!({ "read": 7, "uploaded": 8, "missing": 0 }));
         }

@@ -3,7 +3,7 @@
 use super::camera::View;
 use super::image::Image;
 use super::mirror;
-use super::plan::{Plan, PlannedLevel};
+use super::plan::{Plan, PlannedLevel, band_rows};
 use super::scene::Scene;
 use super::setup::{Lies, frame, frame_bytes, overrides};
 use super::{PassTime, Progress};
@@ -19,9 +19,6 @@ use crate::gpu::{Gpu, GpuLevel, PipelineKey};
 use crate::volume::Volume;
 use std::sync::Arc;
 use std::time::Instant;
-
-/// Pixels of a band: enough for a device to be busy, few enough that progress can be told.
-const BAND_PIXELS: u32 = 1 << 20;
 
 /// A scene in the memory of a GPU.
 pub struct GpuScene {
@@ -144,9 +141,7 @@ impl GpuScene {
             gpu.queue.write_buffer(&resident.params, 0, bytemuck::bytes_of(&params));
         }
         let [width, height] = view.size;
-        let most =
-            u32::try_from(gpu.limits.max_storage_buffer_binding_size / (16 * u64::from(width))).unwrap_or(u32::MAX);
-        let rows = (BAND_PIXELS / width).clamp(8, most.max(1)).min(height);
+        let rows = band_rows(view.size, &gpu.fit(None));
         let uniform = buffer(gpu, size_of::<layout::Frame>(), wgpu::BufferUsages::UNIFORM);
         let target = match compiled.pipeline {
             Pipeline::Compute(_) => {

@@ -25,6 +25,12 @@ pub trait LevelTarget {
     /// What the target finds.
     fn page(&mut self, words: Vec<u32>) -> Result<()>;
 
+    /// Takes what follows the first `there` words of the last page, which are all that it has.
+    ///
+    /// # Errors
+    /// What the target finds.
+    fn append(&mut self, there: usize, words: Vec<u32>) -> Result<()>;
+
     /// Takes the brick table and the codebooks, behind the last page; again where more bricks were added.
     ///
     /// # Errors
@@ -79,6 +85,8 @@ pub struct Resident {
     pub(super) table: Vec<u32>,
     /// Pages that have been handed over.
     pub(super) pages: u32,
+    /// Words of the last of them.
+    pub(super) last_words: usize,
 }
 
 impl Resident {

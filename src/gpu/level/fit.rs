@@ -25,7 +25,9 @@ pub struct Fit {
     pub filter_f32: bool,
     /// Whether there are textures of normalised 16-bit integers.
     pub norm16: bool,
-    /// Bytes that a level may take (`--gpu-mem`).
+    /// Longest axis of a 2D texture, in texels: what slices are blended into.
+    pub max_2d: u32,
+    /// Bytes that all levels of a scene may take (`--gpu-mem`).
     pub budget: Option<u64>,
 }
 
@@ -40,6 +42,7 @@ impl Fit {
             storage_buffers: u32::MAX,
             filter_f32: true,
             norm16: true,
+            max_2d: u32::MAX,
             budget,
         }
     }
@@ -54,6 +57,7 @@ impl Fit {
             storage_buffers: 8,
             filter_f32: false,
             norm16: false,
+            max_2d: 8192,
             budget: None,
         }
     }

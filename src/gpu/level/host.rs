@@ -138,6 +138,13 @@ impl LevelTarget for Memory<'_> {
         Ok(())
     }
 
+    fn append(&mut self, _there: usize, words: Vec<u32>) -> Result<()> {
+        if let Some(page) = self.pages.last_mut() {
+            page.extend(words);
+        }
+        Ok(())
+    }
+
     fn tables(&mut self, bricks: &[u32], books: &[u32]) -> Result<()> {
         (*self.table, *self.books) = (bricks.to_vec(), books.to_vec());
         Ok(())

@@ -12,13 +12,17 @@ use crate::voxel::{SampleType, SampleValue};
 /// Collects payloads into pages, and notes where they are.
 pub(super) struct Pager {
     pages: PageLayout,
+    /// What is still to be handed over of the present page.
     page: Vec<u32>,
+    /// Words of the present page that are there from before.
+    there: usize,
+    /// Pages before the present one.
     written: u32,
     table: Vec<u32>,
 }
 
 impl Pager {
-    /// Goes on behind the pages that are there.
+    /// Goes on in the last page that is there: each change of a transfer function adds few bricks, and pages are few.
     pub(super) fn new(layout: &LevelLayout, pages: PageLayout, null: SampleValue, resident: &Resident) -> Pager {
         let bricks: usize = layout.bricks.iter().map(|&n| n as usize).product();
         let table = match resident.table.is_empty() {
@@ -26,7 +30,9 @@ impl Pager {
             // Bricks that nobody wants read as EMPTY; null cells of all others as the entry behind the last.
             true => [TABLE_EMPTY, 0, 0, null.to_raw()].repeat(bricks + 1),
         };
-        Pager { pages, page: Vec::new(), written: resident.pages, table }
+        let there = if resident.pages > 0 { resident.last_words } else { 0 };
+        let written = resident.pages - u32::from(there > 0);
+        Pager { pages, page: Vec::new(), there, written, table }
     }
 
     pub(super) fn add(&mut self, writer: &mut Writer<'_>, brick: Coord, payload: &BrickPayload<'_>) -> Result<()> {
@@ -42,10 +48,10 @@ impl Pager {
                 if len > most {
                     return Err(too_long(writer.layout, *extent, bytes.len()));
                 }
-                if self.page.len() + len > most {
+                if self.words() + len > most {
                     self.turn(writer)?;
                 }
-                let at = self.page.len();
+                let at = self.words();
                 self.page.extend(bytes.chunks(4).map(|b| {
                     let mut word = [0; 4];
                     word[..b.len()].copy_from_slice(b);
@@ -64,24 +70,35 @@ impl Pager {
         Ok(())
     }
 
-    /// Hands the page over.
+    /// Words of the present page.
+    fn words(&self) -> usize {
+        self.there + self.page.len()
+    }
+
+    /// Hands the page over and begins the next.
     fn turn(&mut self, writer: &mut Writer<'_>) -> Result<()> {
-        if self.written == self.pages.pages {
+        if self.written >= self.pages.pages {
             return Err(too_many_pages(writer.layout, self.pages.pages));
         }
         self.written += 1;
-        writer.target.page(std::mem::take(&mut self.page))
+        let (there, words) = (std::mem::take(&mut self.there), std::mem::take(&mut self.page));
+        match there {
+            0 => writer.target.page(words),
+            _ if words.is_empty() => Ok(()),
+            there => writer.target.append(there, words),
+        }
     }
 
     pub(super) fn finish(mut self, writer: &mut Writer<'_>, resident: &mut Resident) -> Result<()> {
-        if !self.page.is_empty() {
+        let last_words = self.words();
+        if last_words > 0 {
             self.turn(writer)?;
         }
         let books: Vec<u32> =
             writer.volume.codebooks()?.iter().flat_map(|b| book_words(b, writer.layout.store.sample())).collect();
         writer.filled.table_bytes += 4 * (self.table.len() + books.len()) as u64;
         writer.target.tables(&self.table, &books)?;
-        (resident.table, resident.pages) = (self.table, self.written);
+        (resident.table, resident.pages, resident.last_words) = (self.table, self.written, last_words);
         Ok(())
     }
 }

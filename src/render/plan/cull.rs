@@ -17,24 +17,26 @@ impl Plan {
     /// Leaves out of memory what none of these views shows, and what the clipping box leaves out. Pictures from other sides
     /// would then lack bricks: of no views all sides are kept.
     ///
-    /// Does nothing without the effect `tf_cull`.
+    /// Without the effect `tf_cull` all of it stays in memory, and [`PlannedLevel::in_view`] alone says what is shown.
     ///
     /// # Errors
     /// Those of placements.
     pub fn cull_to(&mut self, scene: &Scene, views: &[View]) -> Result<()> {
-        if !scene.tf_cull {
-            return Ok(());
-        }
         for level in &mut self.levels {
             let films = views.iter().map(|view| Film::of(level, view)).collect::<Result<Vec<_>>>()?;
             let (clip, bricks) = (scene.clip, level.wanted.size());
-            let wanted = BrickMask::choose(bricks, |brick| {
+            let shown = BrickMask::choose(bricks, |brick| {
                 let corners = corners(level, brick);
-                level.wanted.has(brick)
+                (level.wanted.has(brick) || level.visible.has(brick))
                     && (films.is_empty() || films.iter().any(|film| film.sees(&corners)))
                     && clip.is_none_or(|clip| overlaps(level, &corners, clip))
             });
-            level.wanted = wanted;
+            let both = |a: &BrickMask| BrickMask::choose(bricks, |brick| a.has(brick) && shown.has(brick));
+            let in_view = both(&level.visible);
+            if scene.tf_cull {
+                level.wanted = both(&level.wanted);
+            }
+            level.in_view = in_view;
         }
         Ok(())
     }

@@ -18,8 +18,8 @@ impl Plan {
         line("picture", format!("{w}×{h}, {}, {} by {}", self.key.lens, self.key.projection, self.key.traversal));
         line("sampler", sampler_text(&self.key));
         line("step", format!("{} world units, at most {} samples a ray", self.step, self.samples));
-        let effects: Vec<_> = self.key.effects.iter().map(|e| e.name()).collect();
-        line("effects", if effects.is_empty() { "none in the shader".into() } else { effects.join(", ") });
+        let effects: Vec<_> = self.effects.iter().map(|e| e.name()).collect();
+        line("effects", if effects.is_empty() { "none".into() } else { effects.join(", ") });
         for l in &self.levels {
             line("level", level_text(l));
         }
@@ -46,7 +46,7 @@ impl Plan {
             "sampler": self.key.sampler.name(),
             "step": self.step,
             "samples_per_ray": self.samples,
-            "effects": self.key.effects.iter().map(|e| e.name()).collect::<Vec<_>>(),
+            "effects": self.effects.iter().map(|e| e.name()).collect::<Vec<_>>(),
             "levels": self.levels.iter().map(level_json).collect::<Vec<_>>(),
             "passes": self.passes.iter().map(pass_json).collect::<Vec<_>>(),
             "left_out": self.left_out.iter().map(|(e, why)| json!({ "effect": e.name(), "why": why })).collect::<Vec<_>>(),

@@ -1,6 +1,7 @@
 //! Plans: a scene and its volumes become exactly the levels, uploads, bindings and passes that the picture needs.
 
 mod cull;
+mod device;
 mod explain;
 mod fetches;
 mod passes;
@@ -10,6 +11,7 @@ mod tests;
 mod visible;
 
 pub use fetches::{Fetches, fetches};
+pub(super) use passes::band_rows;
 pub use passes::{PlannedBinding, PlannedPass};
 pub(super) use seen::seen;
 pub use visible::{BrickMask, LevelBounds};
@@ -22,7 +24,7 @@ use crate::geometry::Extent;
 use crate::gpu::key::{Form, Texel};
 use crate::gpu::level::{Fit, LevelLayout, TexelFormat};
 use crate::gpu::pass::decode;
-use crate::gpu::{Effect, PipelineKey, Projection, Sampler, VolumeKey};
+use crate::gpu::{Effect, Effects, PipelineKey, Projection, Sampler, VolumeKey};
 use crate::volume::{At, Volume};
 
 /// What it takes to render one scene.
@@ -40,6 +42,8 @@ pub struct Plan {
     pub levels: Vec<PlannedLevel>,
     /// What is run for each picture, in order; first what is run once.
     pub passes: Vec<PlannedPass>,
+    /// Effects that are there, also those that no shader has: what is loaded, and of which level.
+    pub effects: Effects,
     /// Effects that are not there, and why.
     pub left_out: Vec<(Effect, String)>,
 }
@@ -65,6 +69,8 @@ pub struct PlannedLevel {
     pub bounds: LevelBounds,
     /// Bricks that hold something to be seen: what the rays visit, where they skip.
     pub visible: BrickMask,
+    /// Those of them that the views show for which the plan was made; all, as long as it is made for all sides.
+    pub in_view: BrickMask,
     /// Bricks that are needed in memory.
     pub wanted: BrickMask,
     /// Why this level.
@@ -76,7 +82,8 @@ impl Plan {
     ///
     /// # Errors
     /// Those of [`Scene::check`], of cameras, and of [`LevelLayout::new`] (`E_LIMIT` says what would fit); `E_LIMIT` for a
-    /// step so fine that a ray would have more than [`MAX_SAMPLES`] samples.
+    /// step so fine that a ray would have more than [`MAX_SAMPLES`] samples, and where all levels together are too much for
+    /// the device's memory or for one shader.
     pub fn new(scene: &Scene, volumes: &[&Volume], fit: &Fit) -> Result<Plan> {
         scene.check()?;
         if volumes.len() != scene.volumes.len() {
@@ -106,9 +113,10 @@ impl Plan {
             volumes: levels.iter().map(|l| l.key).collect(),
         };
         key.check()?;
-        let passes = passes::passes(&key, scene, &levels);
+        device::check(scene, volumes, fit, &key, &mut levels)?;
+        let passes = passes::passes(&key, scene, &levels, fit);
         let left_out = left_out(scene);
-        Ok(Plan { key, view, step, samples, levels, passes, left_out })
+        Ok(Plan { key, view, step, samples, levels, passes, effects: scene.effects(), left_out })
     }
 
     /// Bytes of all textures and buffers of the levels.
@@ -193,6 +201,7 @@ fn planned_levels(
             layout,
             bounds,
             visible: visible.clone(),
+            in_view: visible.clone(),
             wanted: wanted.clone(),
             reason: reason.clone(),
         })

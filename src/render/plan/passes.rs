@@ -4,7 +4,7 @@ use super::PlannedLevel;
 use super::fetches::{Fetches, fetches};
 use crate::gpu::key::Form;
 use crate::gpu::layout::{Frame, VolumeParams};
-use crate::gpu::level::{Role, Store};
+use crate::gpu::level::{Fit, Role, Store};
 use crate::gpu::shader::{Binding, BindingKind};
 use crate::gpu::{PipelineKey, Sampler, Traversal};
 use crate::render::scene::Scene;
@@ -37,10 +37,20 @@ pub struct PlannedBinding {
     pub bytes: u64,
 }
 
+/// Pixels of a band: enough for a device to be busy, few enough that progress can be told.
+const BAND_PIXELS: u32 = 1 << 20;
+
+/// Rows of the picture that are rendered at a time: 16 bytes of a pixel are one binding, and slices one texture.
+pub(in crate::render) fn band_rows([width, height]: [u32; 2], fit: &Fit) -> u32 {
+    let most = u32::try_from(fit.max_binding / (16 * u64::from(width.max(1)))).unwrap_or(u32::MAX);
+    (BAND_PIXELS / width.max(1)).max(8).min(most.max(1)).min(fit.max_2d).min(height)
+}
+
 /// All passes of a scene, in order.
-pub(super) fn passes(key: &PipelineKey, scene: &Scene, levels: &[PlannedLevel]) -> Vec<PlannedPass> {
+pub(super) fn passes(key: &PipelineKey, scene: &Scene, levels: &[PlannedLevel], fit: &Fit) -> Vec<PlannedPass> {
     let mut passes: Vec<PlannedPass> = levels.iter().filter_map(decode).collect();
-    let pixels = u64::from(scene.size[0]) * u64::from(scene.size[1]);
+    let rows = band_rows(scene.size, fit);
+    let pixels = u64::from(scene.size[0]) * u64::from(rows);
     let bindings = key.bindings().iter().map(|b| planned(b, pixels, levels)).collect();
     passes.push(PlannedPass {
         name: key.entry(),

@@ -14,11 +14,10 @@ use super::camera::CameraSpec;
 use super::transfer::TransferFunction;
 use crate::error::{Error, Result};
 use crate::gpu::key::Gradient;
+pub use crate::gpu::key::MAX_VOLUMES;
 use crate::gpu::{Effect, Effects, Projection, Sampler, Source, Traversal};
 use serde::{Deserialize, Serialize};
 
-/// Most volumes of a scene.
-pub const MAX_VOLUMES: usize = 3;
 /// Most samples along a ray: a finer step is refused, so that no picture takes for ever.
 pub const MAX_SAMPLES: u32 = 1 << 20;
 /// Opacity that is left open where rays end early, unless a scene says otherwise.

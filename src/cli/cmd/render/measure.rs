@@ -30,7 +30,7 @@ fn take(session: &mut Session) -> Result<Taken> {
         image = session.frame(&view)?;
         ms.push(session.last_ms().unwrap_or_else(|| start.elapsed().as_secs_f64() * 1e3));
     }
-    let median = PassTimes { name: String::new(), ms }.median();
+    let median = PassTimes { name: String::new(), ms, by_device: false }.median();
     Ok(Taken { image, ms: median.unwrap_or(0.0) })
 }
 

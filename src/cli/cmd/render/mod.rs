@@ -100,7 +100,7 @@ fn picture(args: &Render, session: &mut Session, path: &Path, kind: Kind, first:
     session.finish();
     let plan = session.plan()?;
     let volumes = session.volumes();
-    let report = fidelity::report(&plan, &volumes, session.device(), session.times(), session.bytes());
+    let report = fidelity::report(&plan, session.scene(), &volumes, session.device(), session.times(), session.bytes());
     if let Some(path) = &args.report {
         check_no_stdout(path)?;
         write_file(path, args.force, format!("{report:#}\n").as_bytes())?;
@@ -133,6 +133,10 @@ fn summary(scene: &Scene, report: &Value, pictures: usize) -> String {
     for level in report["levels"].as_array().into_iter().flatten() {
         let bound = level["error_bound"].as_f64().map_or("not known".into(), |v| format!("at most {v}"));
         text += &format!("\nlevel       {} of volume {}: values are off by {bound}", level["level"], level["volume"]);
+        let filter = level["filter_error"].as_f64().unwrap_or(0.0);
+        if filter > 0.0 {
+            text += &format!(", {filter} of it by the texture unit's fractions of 8 bits");
+        }
     }
     let missing = report["bytes"]["missing"].as_u64().unwrap_or(0);
     if missing > 0 {
@@ -141,7 +145,8 @@ fn summary(scene: &Scene, report: &Value, pictures: usize) -> String {
     text += &format!("\ndevice      {}", report["device"]["adapter"].as_str().unwrap_or_default());
     for pass in report["passes"].as_array().into_iter().flatten() {
         let ms = pass["median_ms"].as_f64().map_or("not measured".into(), |ms| format!("{ms:.2} ms"));
-        text += &format!("\npass        {}: {ms}", pass["name"].as_str().unwrap_or_default());
+        let clock = if pass["by_device"] == true { "device clock" } else { "wall clock" };
+        text += &format!("\npass        {}: {ms} ({clock})", pass["name"].as_str().unwrap_or_default());
     }
     text + "\n"
 }

@@ -144,9 +144,12 @@ impl Session {
 }
 
 fn add(times: &mut Vec<PassTimes>, pass: &PassTime) {
-    match times.iter_mut().find(|t| t.name == pass.name) {
+    match times.iter_mut().find(|t| t.name == pass.name && t.by_device == pass.by_device) {
         Some(times) => times.ms.push(pass.milliseconds),
-        None => times.push(PassTimes { name: pass.name.clone(), ms: vec![pass.milliseconds] }),
+        None => {
+            let (name, by_device) = (pass.name.clone(), pass.by_device);
+            times.push(PassTimes { name, ms: vec![pass.milliseconds], by_device });
+        }
     }
 }
 
