@@ -116,9 +116,8 @@ pub fn report(
             "bricks_visible": l.visible.count(),
         })
     });
-    let times = passes
-        .iter()
-        .map(|p| json!({ "name": p.name, "median_ms": p.median(), "ms": p.ms, "by_device": p.by_device }));
+    let times =
+        passes.iter().map(|p| json!({ "name": p.name, "median_ms": p.median(), "ms": p.ms, "by_device": p.by_device }));
     let constants: serde_json::Map<String, Value> =
         overrides(plan, scene).into_iter().map(|(name, value)| (name, json!(value))).collect();
     let files: Vec<_> = plan.passes.iter().flat_map(|p| p.files.iter()).collect();
