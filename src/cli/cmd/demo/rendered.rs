@@ -7,6 +7,7 @@ use crate::error::Result;
 use crate::gpu::key::Gradient;
 use crate::gpu::{AdapterChoice, Gpu, Projection, Sampler};
 use crate::metrics::image::{RgbImage, compare, difference};
+use crate::render::camera::CameraSpec;
 use crate::render::scene::{IsoSurface, Scene, SceneFile, Shading, TransferSpec, VolumeSpec};
 use crate::render::transfer::{Point, TransferFunction};
 use crate::render::{Backend, Renderer};
@@ -69,8 +70,11 @@ impl Studio {
             );
             shots.push((caption, image));
         }
-        let surface =
-            SceneFile { projection: Projection::Iso, iso_surface: Some(IsoSurface { value: BONE }), ..self.lit() };
+        let surface = SceneFile {
+            projection: Projection::Iso,
+            iso_surface: Some(IsoSurface { value: BONE }),
+            ..self.composed()?
+        };
         let surface = take(&surface.resolve(&[&compressed], dir)?, &compressed, Sampler::LinearOpt)?;
 
         let mut pictures = Vec::new();
@@ -127,6 +131,7 @@ impl Studio {
 
     fn lit(&self) -> SceneFile {
         let shading = Some(Shading { gradient: Gradient::Naive, ..Shading::default() });
-        SceneFile { size: self.size, shading, level: Some(0), ..SceneFile::default() }
+        let camera = CameraSpec { zoom: 1.2, ..CameraSpec::default() };
+        SceneFile { size: self.size, camera, shading, level: Some(0), ..SceneFile::default() }
     }
 }
