@@ -84,8 +84,10 @@ fn explain(args: &Render, session: &Session, json: &mut Value) -> Result<()> {
 fn picture(args: &Render, session: &mut Session, path: &Path, kind: Kind, first: u32, json: &mut Value) -> Result<()> {
     let background = session.scene().background;
     let (views, mut images) = (session.views(), Vec::new());
+    let mut seen = false;
     for (i, view) in (first..).zip(&views) {
         let image = session.frame(view)?;
+        seen |= image.pixels.iter().any(|p| p[3] > 0.0);
         match kind {
             Kind::Png | Kind::Pfm => {
                 let name = write::numbered(path, i);
