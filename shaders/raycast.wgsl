@@ -1,7 +1,10 @@
 // Rays from the camera through the volumes, one per pixel: samples in the middle of steps, front to back (S3Dc, §4.3).
 
+// Neighbours in a group lie one above the other: most views show x, along which words of indices lie, across the film, so that they
+// come to the end of a word together.
 @compute @workgroup_size(8, 8)
-fn raycast(@builtin(global_invocation_id) id: vec3u) {
+fn raycast(@builtin(workgroup_id) group: vec3u, @builtin(local_invocation_id) local: vec3u) {
+    let id = 8u * group.xy + local.yx;
     if (id.x >= frame.width || id.y >= frame.rows) {
         return;
     }

@@ -15,14 +15,23 @@ fn lerp_V(base: vec3i, f: vec3f) -> VALUE_V {
     let lo = vec3u(clamp(base, vec3i(0), volume_V.last));
     let hi = vec3u(clamp(base + vec3i(1), vec3i(0), volume_V.last));
     // Rows (y, z), (y + 1, z), (y, z + 1), (y + 1, z + 1).
-    let near = vec4u(word_V(lo), word_V(vec3u(lo.x, hi.y, lo.z)), word_V(vec3u(lo.x, lo.y, hi.z)), word_V(vec3u(lo.x, hi.y, hi.z)));
-    var far = near;
-    if (lo.x >> WORD_LOG2_V != hi.x >> WORD_LOG2_V) {
-        far = vec4u(word_V(vec3u(hi.x, lo.y, lo.z)), word_V(vec3u(hi.x, hi.y, lo.z)), word_V(vec3u(hi.x, lo.y, hi.z)), word_V(hi));
+    var near = vec4u(0u);
+    var far = vec4u(0u);
+    var x = lo.x;
+    loop {
+        far = vec4u(word_V(vec3u(x, lo.yz)), word_V(vec3u(x, hi.y, lo.z)), word_V(vec3u(x, lo.y, hi.z)), word_V(vec3u(x, hi.yz)));
+        near = select(near, far, x == lo.x);
+        if (x >> WORD_LOG2_V == hi.x >> WORD_LOG2_V) {
+            break;
+        }
+        x = hi.x;
     }
-    let b0 = block_V(lo);
-    let b1 = block_V(hi);
-    let m000 = pair_V(b0);
+    // Along which axes there is another block: 1 x, 2 y, 4 z. Seen from the first corner: tiles may put blocks anywhere.
+    let first = block_V(lo);
+    var d = select(0u, 1u, any(block_V(vec3u(hi.x, lo.yz)) != first));
+    d |= select(0u, 2u, any(block_V(vec3u(lo.x, hi.y, lo.z)) != first));
+    d |= select(0u, 4u, any(block_V(vec3u(lo.xy, hi.z)) != first));
+    var m000 = vec2<TEXEL_V>();
     var m100 = m000;
     var m010 = m000;
     var m110 = m000;
@@ -30,37 +39,21 @@ fn lerp_V(base: vec3i, f: vec3f) -> VALUE_V {
     var m101 = m000;
     var m011 = m000;
     var m111 = m000;
-    if (any(b0 != b1)) {
-        let d = b0 != b1;
-        if (d.x) {
-            m100 = pair_V(vec3u(b1.x, b0.y, b0.z));
+    var i = 0u;
+    loop {
+        let m = pair_V(block_V(select(lo, hi, (vec3u(i) & vec3u(1u, 2u, 4u)) != vec3u(0u))));
+        m000 = select(m000, m, i == 0u);
+        m100 = select(m100, m, i == (d & 1u));
+        m010 = select(m010, m, i == (d & 2u));
+        m110 = select(m110, m, i == (d & 3u));
+        m001 = select(m001, m, i == (d & 4u));
+        m101 = select(m101, m, i == (d & 5u));
+        m011 = select(m011, m, i == (d & 6u));
+        m111 = m;
+        if (i == d) {
+            break;
         }
-        if (d.y) {
-            m010 = pair_V(vec3u(b0.x, b1.y, b0.z));
-        }
-        m110 = select(m100, m010, d.y);
-        if (d.x && d.y) {
-            m110 = pair_V(vec3u(b1.x, b1.y, b0.z));
-        }
-        m001 = m000;
-        m101 = m100;
-        m011 = m010;
-        m111 = m110;
-        if (d.z) {
-            m001 = pair_V(vec3u(b0.x, b0.y, b1.z));
-            m101 = m001;
-            m011 = m001;
-            if (d.x) {
-                m101 = pair_V(vec3u(b1.x, b0.y, b1.z));
-            }
-            if (d.y) {
-                m011 = pair_V(vec3u(b0.x, b1.y, b1.z));
-            }
-            m111 = select(m101, m011, d.y);
-            if (d.x && d.y) {
-                m111 = pair_V(b1);
-            }
-        }
+        i = ((i | ~d) + 1u) & d;
     }
     let v000 = reconstruct_V(m000, index_of_V(near.x, lo.x));
     let v100 = reconstruct_V(m100, index_of_V(far.x, hi.x));

@@ -7,6 +7,7 @@ use render_support::*;
 use vug::gpu::key::Gradient;
 use vug::gpu::{Projection, Sampler, Source};
 use vug::render::Backend;
+use vug::render::scene::Scene;
 use vug::render::transfer::TransferFunction;
 use vug::{Extent, Grid};
 
@@ -77,5 +78,34 @@ fn decoded_on_the_way_or_before_it_is_the_same_volume() {
         let off = filtered.max_difference(&direct).unwrap();
         println!("{source}, hardware trilinear: off by {off}");
         assert!(off < 0.2, "{source}: {off}");
+    }
+}
+
+#[test]
+#[cfg_attr(feature = "skip-gpu-tests", ignore = "no GPU adapter: built with skip-gpu-tests")]
+fn light_from_blocks_of_every_kind_and_many_control_points() {
+    let gpu = Backend::Gpu(gpu(), None);
+    let mut grid = hill_u8(Extent::new(40, 33, 37));
+    // One to eight points are looked at in turn, more by halving.
+    let ramp = |n: u32| {
+        let at = |i: u32| f64::from(i) / f64::from(n - 1);
+        let all =
+            (0..n).map(|i| point(20.0 + 180.0 * at(i), [at(i) as f32, (i % 3) as f32 / 2.0, 0.5], 0.3 * at(i) as f32));
+        TransferFunction::new(all.collect()).unwrap()
+    };
+    for (bits, block, points) in [(4, [16; 3], 2), (8, [3, 5, 4], 8), (2, [2, 2, 2], 9), (1, [4, 8, 16], 20)] {
+        let volume = encoded(&mut grid, s3dc(bits, block));
+        let mut scene = lit(&plain(&volume, ramp(points), [48, 40]), Gradient::Reuse);
+        scene.sampler = Sampler::LinearOpt;
+        let what = format!("{bits} bits, {block:?}, {points} points");
+        let (on_gpu, mirror) = (picture(&scene, &volume, &gpu), picture(&scene, &volume, &Backend::CpuF32));
+        assert_seen(&mirror, &what);
+        assert_close(&on_gpu, &mirror, CLOSE, &what);
+        // The same image without saving fetches.
+        let naive = lit(&scene, Gradient::Naive);
+        assert_eq!(
+            picture(&Scene { sampler: Sampler::Linear, ..naive }, &volume, &Backend::CpuF32).pixels,
+            mirror.pixels
+        );
     }
 }

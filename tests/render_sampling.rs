@@ -24,9 +24,13 @@ struct Sampled {
 
 impl Sampled {
     fn of(volume: &Arc<Volume>, sampler: Sampler, gradient: Gradient) -> Sampled {
+        Sampled::within(volume, sampler, gradient, &Fit::host(None))
+    }
+
+    fn within(volume: &Arc<Volume>, sampler: Sampler, gradient: Gradient, fit: &Fit) -> Sampled {
         let mut scene = lit(&plain(volume, fog(), [8, 8]), gradient);
         scene.sampler = sampler;
-        let plan = Plan::new(&scene, &[volume], &Fit::host(None)).unwrap();
+        let plan = Plan::new(&scene, &[volume], fit).unwrap();
         let level = HostLevel::load(volume, plan.levels[0].layout.clone(), &|_| true, &mut |_, _| {}).unwrap();
         Sampled { scene, plan, level }
     }
@@ -180,6 +184,27 @@ fn saving_fetches_changes_no_bit() {
         assert!(most <= 64, "{most}");
         let gradient = [(4, 16, 18.6), (8, 16, 23.6)].iter().find(|g| (g.0, g.1) == (bits, block));
         assert!(gradient.is_none_or(|g| (fetched / f64::from(count) - g.2).abs() < 0.5));
+    }
+}
+
+#[test] // hard case: D-59
+fn in_levels_laid_in_tiles_too() {
+    let extent = Extent::new(150, 20, 100);
+    // Textures of 64 texels: bricks beside one another may lie one above the other.
+    let fit = Fit { max_3d: 64, ..Fit::host(None) };
+    for (bits, block) in [(4, [4, 4, 4]), (4, [16; 3]), (2, [3, 5, 2]), (4, [2, 2, 2])] {
+        let volume = encoded_noise(extent, s3dc(bits, block));
+        let linear = Sampled::of(&volume, Sampler::Linear, Gradient::Naive);
+        let opt = Sampled::within(&volume, Sampler::LinearOpt, Gradient::Reuse, &fit);
+        assert!(!opt.plan.levels[0].layout.fold.is_flat());
+        for p in places(extent, 3000) {
+            let p = p.map(|v| v as f32);
+            assert_eq!(linear.value(p).0.to_bits(), opt.value(p).0.to_bits(), "{bits} bits, {block:?}, {p:?}");
+            let slope = |s: &Sampled| {
+                s.with::<f32, _>(|frame, v| mirror::slope(frame, std::slice::from_ref(v), p, &mut Work::default()))
+            };
+            assert_eq!(slope(&linear).map(f32::to_bits), slope(&opt).map(f32::to_bits));
+        }
     }
 }
 

@@ -182,6 +182,12 @@ struct Wish {
 }
 
 impl LevelLayout {
+    /// Whether the grid of blocks of this size goes through: they divide bricks, or there is but one brick along an axis.
+    #[must_use]
+    pub fn is_aligned(&self, block: [u32; 3]) -> bool {
+        (0..3).all(|a| self.bricks[a] == 1 || (1u32 << self.brick_log2).is_multiple_of(block[a]))
+    }
+
     /// The layout of a level for shaders that read texels. Reads the level's index pages, no brick.
     ///
     /// # Errors

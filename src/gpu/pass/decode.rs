@@ -45,14 +45,12 @@ pub fn volume_key(layout: &LevelLayout, pages: u32) -> VolumeKey {
 pub fn source_constants(layout: &LevelLayout, i: usize) -> Vec<(String, f64)> {
     let mut all = Vec::new();
     if let Store::S3dc { index_bits, block, .. } = layout.store {
-        let edge = 1u32 << layout.brick_log2;
-        let aligned = (0..3).all(|a| layout.bricks[a] == 1 || edge.is_multiple_of(block[a]));
         all.push((format!("INDEX_BITS_{i}"), f64::from(index_bits)));
         all.push((format!("WORD_LOG2_{i}"), f64::from((16 / index_bits).trailing_zeros())));
         for (axis, edge) in ["X", "Y", "Z"].iter().zip(block) {
             all.push((format!("BLOCK_{axis}_{i}"), f64::from(edge)));
         }
-        all.push((format!("ALIGNED_{i}"), f64::from(u8::from(aligned))));
+        all.push((format!("ALIGNED_{i}"), f64::from(u8::from(layout.is_aligned(block)))));
     }
     all
 }

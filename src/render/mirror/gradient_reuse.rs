@@ -1,42 +1,43 @@
 //! Namesake of `shaders/gradient_reuse.wgsl`: the 32 voxels that six trilinear samples need together, each word fetched once per
-//! row, end points kept in a small table.
+//! row, each pair of end points once.
 
 use super::counter::Counter;
 use super::real::{Real, V3};
 use super::sample::trilinear;
 use super::source_s3dc::{block, index_of, pair, reconstruct, word, word_log2};
 use super::{Value, Volume, grey};
+use crate::gpu::level::Store;
 
-/// End points of the blocks from that of the first voxel on, two along each axis.
-struct Pairs {
-    first: [u32; 3],
-    pairs: [Option<[u32; 2]>; 8],
+/// Rows by y and z, 0 to 3: four of four voxels along x, eight of the two in the middle. Corners of the 4×4 are never needed.
+const ROWS: [[usize; 2]; 12] =
+    [[1, 1], [2, 1], [1, 2], [2, 2], [0, 1], [0, 2], [3, 1], [3, 2], [1, 0], [2, 0], [1, 3], [2, 3]];
+/// How many of them are long.
+const LONG: usize = 4;
+
+/// Voxels of row r.
+const fn taken(r: usize) -> std::ops::Range<usize> {
+    if r < LONG { 0..4 } else { 1..3 }
 }
 
-impl Pairs {
-    fn kept<R: Real>(&mut self, v: &Volume<'_, R>, c: [u32; 3], n: &mut impl Counter) -> [u32; 2] {
-        let block = block(v, c);
-        let d: [u32; 3] = std::array::from_fn(|a| block[a].wrapping_sub(self.first[a]));
-        if d.iter().any(|&d| d > 1) {
-            return pair(v, block, n);
-        }
-        let slot = (d[0] + 2 * d[1] + 4 * d[2]) as usize;
-        *self.pairs[slot].get_or_insert_with(|| pair(v, block, n))
+/// Blocks of three voxels or more: four voxels in a row lie in two of them at most.
+fn few<R: Real>(v: &Volume<'_, R>) -> bool {
+    let layout = &v.level.layout;
+    match layout.store {
+        Store::S3dc { block, .. } => layout.is_aligned(block) && block.iter().all(|&b| b > 2),
+        _ => false,
     }
 }
 
-/// Voxels at x, in row (y, z); the outer two only where the row is long.
+/// Indices of the voxels x in row (y, z).
 fn row<R: Real>(
     v: &Volume<'_, R>,
-    kept: &mut Pairs,
     x: [u32; 4],
     [y, z]: [u32; 2],
-    long: bool,
+    taken: std::ops::Range<usize>,
     n: &mut impl Counter,
-) -> [R; 4] {
-    let mut values = [R::of(0.0); 4];
+) -> [u32; 4] {
+    let mut indices = [0; 4];
     let mut held: Option<(u32, u32)> = None;
-    let taken = if long { 0..4 } else { 1..3 };
     for i in taken {
         let at = x[i] >> word_log2(v);
         let bits = match held {
@@ -44,21 +45,45 @@ fn row<R: Real>(
             _ => word(v, [x[i], y, z], n),
         };
         held = Some((at, bits));
-        values[i] = reconstruct(v, kept.kept(v, [x[i], y, z], n), index_of(v, bits, x[i]));
+        indices[i] = index_of(v, bits, x[i]);
     }
-    values
+    indices
 }
 
 /// The gradient of the trilinear field.
 pub fn gradient<R: Real>(v: &Volume<'_, R>, base: [i32; 3], f: V3<R>, n: &mut impl Counter) -> V3<R> {
     let [x, y, z]: [[u32; 4]; 3] =
         std::array::from_fn(|a| [-1, 0, 1, 2].map(|d| base[a].saturating_add(d).clamp(0, v.last[a]).cast_unsigned()));
-    let mut kept = Pairs { first: block(v, [x[0], y[0], z[0]]), pairs: [None; 8] };
-    // Rows by y and z, 0 to 3; corners of the 4×4 are never needed.
     let mut rows = [[[R::of(0.0); 4]; 4]; 4];
-    let order = [(1, 1), (2, 1), (1, 2), (2, 2), (0, 1), (0, 2), (3, 1), (3, 2), (1, 0), (2, 0), (1, 3), (2, 3)];
-    for (i, (j, k)) in order.into_iter().enumerate() {
-        rows[j][k] = row(v, &mut kept, x, [y[j], z[k]], i < 4, n);
+    let indices: [[u32; 4]; 12] = std::array::from_fn(|r| row(v, x, [y[ROWS[r][0]], z[ROWS[r][1]]], taken(r), n));
+    if few(v) {
+        // Blocks along an axis: that of the first voxel, and perhaps another.
+        let corner = |i: usize| block(v, std::array::from_fn(|a| [x, y, z][a][if i >> a & 1 == 1 { 3 } else { 0 }]));
+        let other = |a: usize, j: usize| {
+            let mut c = [x[0], y[0], z[0]];
+            c[a] = [x, y, z][a][j];
+            usize::from(block(v, c) != corner(0)) << a
+        };
+        let d = other(0, 3) | other(1, 3) | other(2, 3);
+        let mut i = 0;
+        loop {
+            let m = pair(v, corner(i), n);
+            for (r, [j, k]) in ROWS.into_iter().enumerate() {
+                for t in taken(r).filter(|&t| other(0, t) | other(1, j) | other(2, k) == i) {
+                    rows[j][k][t] = reconstruct(v, m, indices[r][t]);
+                }
+            }
+            if i == d {
+                break;
+            }
+            i = ((i | !d) + 1) & d;
+        }
+    } else {
+        for (r, [j, k]) in ROWS.into_iter().enumerate() {
+            for t in taken(r) {
+                rows[j][k][t] = reconstruct(v, pair(v, block(v, [x[t], y[j], z[k]]), n), indices[r][t]);
+            }
+        }
     }
     let tri = |x: usize, y: usize, z: usize| {
         grey(trilinear(std::array::from_fn(|i| Value::Scalar(rows[y + (i >> 1 & 1)][z + (i >> 2)][x + (i & 1)])), f))

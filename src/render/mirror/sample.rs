@@ -57,15 +57,22 @@ fn corners_once<R: Real>(v: &Volume<'_, R>, lo: [u32; 3], hi: [u32; 3], n: &mut 
     let rows: [[u32; 2]; 4] = std::array::from_fn(|i| [[lo[1], hi[1]][i & 1], [lo[2], hi[2]][i >> 1]]);
     let near = rows.map(|[y, z]| word(v, [lo[0], y, z], n));
     let far = if lo[0] >> log2 == hi[0] >> log2 { near } else { rows.map(|[y, z]| word(v, [hi[0], y, z], n)) };
-    let (b0, b1) = (block(v, lo), block(v, hi));
+    // Along which axes there is another block, seen from the first corner: tiles may put blocks anywhere.
+    let first = block(v, lo);
+    let d = (0..3).fold(0, |d, a| d | usize::from(block(v, corner(lo, hi, 1 << a)) != first) << a);
     let mut pairs = [[0; 2]; 8];
-    for i in 0..8 {
-        // The block of this corner, where it is another one than that of a corner before.
-        let same = (0..3).find(|&a| i >> a & 1 == 1 && b0[a] == b1[a]);
-        pairs[i] = match same {
-            Some(a) => pairs[i & !(1 << a)],
-            None => pair(v, corner(b0, b1, i), n),
-        };
+    let mut i = 0;
+    loop {
+        let m = pair(v, block(v, corner(lo, hi, i)), n);
+        for (j, kept) in pairs.iter_mut().enumerate() {
+            if j & d == i {
+                *kept = m;
+            }
+        }
+        if i == d {
+            break;
+        }
+        i = ((i | !d) + 1) & d;
     }
     std::array::from_fn(|i| {
         let (words, x) = if i & 1 == 1 { (far, hi[0]) } else { (near, lo[0]) };

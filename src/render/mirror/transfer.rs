@@ -16,7 +16,7 @@ pub struct Point<R> {
     pub per_value: R,
 }
 
-/// Colour and opacity of a value.
+/// Colour and opacity of a value. The shader looks at each of a few points in turn, and finds the same one.
 pub fn classify<R: Real>(points: &[Point<R>], value: Value<R>) -> [R; 4] {
     let v = grey(value);
     let mut i = 0;
