@@ -5,9 +5,10 @@ mod render_support;
 
 use render_support::*;
 use vug::Extent;
-use vug::gpu::Source;
+use vug::gpu::{Sampler, Source};
 use vug::render::transfer::TransferFunction;
 use vug::render::{Backend, Renderer};
+use vug::volume::{CodecChoice, EncodeOptions, Quality};
 
 /// The opaque core alone.
 fn core() -> TransferFunction {
@@ -53,4 +54,51 @@ fn bricks_stay_on_the_device() {
     for source in [Source::Direct, Source::Deferred, Source::Decoded] {
         check(&Backend::Gpu(gpu(), None), source);
     }
+}
+
+/// Streams are few pages, however often the transfer function changes.
+fn check_many_changes(backend: &Backend) {
+    let extent = Extent::new(166, 163, 165);
+    let options = EncodeOptions {
+        codec: CodecChoice::Zerobit,
+        quality: Quality::Keep(500_000),
+        brick: Some(16),
+        ..EncodeOptions::default()
+    };
+    let volume = encoded(&mut hill_u8(extent), options);
+    let above = |v: u32| {
+        let v = f64::from(v);
+        TransferFunction::new(vec![point(v, [0.2, 0.5, 0.9], 0.0), point(v + 40.0, [1.0, 0.9, 0.2], 0.5)]).unwrap()
+    };
+    let of = |transfer| {
+        let mut scene = plain(&volume, transfer, [24, 24]);
+        (scene.tf_cull, scene.empty_skip, scene.sampler) = (true, true, Sampler::Nearest);
+        Renderer::new(scene, vec![volume.clone()], backend.clone(), &|_, _, _| {}).unwrap()
+    };
+    let mut renderer = of(above(208));
+    let bytes = |r: &Renderer| r.filled()[0].payload_bytes;
+    let (mut before, mut more) = (bytes(&renderer), 0);
+    for i in 1..=20 {
+        renderer.set_transfer(0, above(208 - 10 * i), &|_, _, _| {}).unwrap();
+        let now = bytes(&renderer);
+        more += u32::from(now > before);
+        before = now;
+    }
+    assert!(more > 16, "{more} changes loaded anything: a page for each would be had");
+    let all = of(above(8));
+    assert_eq!(bytes(&all), before);
+    let picture = renderer.picture(&|_, _, _| {}).unwrap().image;
+    assert_seen(&picture, "hill");
+    assert!(picture == all.picture(&|_, _, _| {}).unwrap().image);
+}
+
+#[test]
+fn many_changes_take_few_pages() {
+    check_many_changes(&Backend::CpuF32);
+}
+
+#[test]
+#[cfg_attr(feature = "skip-gpu-tests", ignore = "no GPU adapter: built with skip-gpu-tests")]
+fn many_changes_take_few_pages_on_the_device() {
+    check_many_changes(&Backend::Gpu(gpu(), None));
 }

@@ -67,7 +67,8 @@ pub fn error_bound(level: &PlannedLevel) -> Option<f64> {
         let b = level.bounds.with_neighbours(brick);
         let range = f64::from(b.max) - f64::from(b.min);
         let spread = if level.at.lod == 0 { 0.0 } else { range };
-        worst = worst.max(spread + f64::from(b.max_error?) + filter_share(level) * range);
+        let error = f64::from(b.max_error?);
+        worst = worst.max(spread + error + filter_share(level) * (range + 2.0 * error));
     }
     Some(worst)
 }
@@ -85,7 +86,7 @@ pub fn filter_error(level: &PlannedLevel) -> f64 {
     let all = (0..nz).flat_map(|z| (0..ny).flat_map(move |y| (0..nx).map(move |x| [x, y, z])));
     let range = |brick| {
         let b = level.bounds.with_neighbours(brick);
-        f64::from(b.max) - f64::from(b.min)
+        f64::from(b.max) - f64::from(b.min) + 2.0 * f64::from(b.max_error.unwrap_or(0.0))
     };
     filter_share(level) * all.filter(|&b| level.in_view.has(b)).map(range).fold(0.0, f64::max)
 }
@@ -202,7 +203,62 @@ mod tests {
             let json = report(&plan, &scene, &[&v], &Device::default(), &[], Bytes { read: 7, uploaded: 8 });
             assert_eq!((&json["levels"][0]["error_bound"], &json["is_final"]), (&json!(bound), &json!(lod == 0)));
             assert_eq!(json["bytes"], json!({ "read": 7, "uploaded": 8, "missing": 0 }));
+            let effects: Vec<_> = scene.effects().iter().map(|e| e.name()).collect();
+            assert!(json["effects"] == json!(effects) && effects.contains(&"tf_cull"), "{json}");
+            assert_eq!(
+                (&json["constants"]["BRICK_LOG2_0"], &json["constants"]["POINTS_1"]),
+                (&json!(4.0), &json!(null))
+            );
+            let times = [("decode", false), ("raycast", true)];
+            let times = times.map(|(name, by_device)| PassTimes { name: name.into(), ms: vec![1.0], by_device });
+            let json = report(&plan, &scene, &[&v], &Device::default(), &times, Bytes::default());
+            assert_eq!(
+                (&json["passes"][0]["by_device"], &json["passes"][1]["by_device"]),
+                (&json!(false), &json!(true))
+            );
         }
         assert!(bounds[0] < bounds[1], "a coarser level is not held to be as good: {bounds:?}");
+    }
+
+    fn volume(options: &EncodeOptions, value: impl Fn([u32; 3]) -> u8) -> Volume {
+        let mut grid = Grid::from_fn(Extent::new(96, 32, 32), value).unwrap();
+        let mut file = std::io::Cursor::new(Vec::new());
+        let options = EncodeOptions { brick: Some(16), ..options.clone() };
+        volume::encode(&mut grid, &mut file, &options, &mut |_, _| {}).unwrap();
+        Volume::open(MemorySource(file.into_inner()), Limits::default()).unwrap()
+    }
+
+    #[test]
+    fn the_bound_is_that_of_what_is_in_view() {
+        let noise = |c: [u32; 3]| (c[0].wrapping_mul(7919) ^ c[1].wrapping_mul(104_729) ^ c[2].wrapping_mul(31)) as u8;
+        let v = volume(&EncodeOptions::default(), |c| if c[0] < 48 { 100 + (c[0] / 16) as u8 } else { noise(c) });
+        let text = "level = 0\nprojection = \"maximum\"\nclip_box = { min = [0, 0, 0], max = [15, 31, 31] }";
+        let scene = SceneFile::parse(text).unwrap().resolve(&[&v], Path::new("")).unwrap();
+        for scene in [scene.clone(), scene.without(crate::gpu::Effect::TfCull)] {
+            let mut plan = Plan::new(&scene, &[&v], &Fit::host(None)).unwrap();
+            let all = error_bound(&plan.levels[0]).unwrap();
+            plan.cull_to(&scene, &[plan.view.clone()]).unwrap();
+            let level = &plan.levels[0];
+            assert!(level.in_view.count() > 0 && level.in_view.count() <= 8, "{}", level.in_view.count());
+            assert_eq!(level.wanted.count() == 24, !scene.tf_cull);
+            let bound = error_bound(level).unwrap();
+            assert!(bound < all && bound < 1.0, "{bound} of {all}");
+        }
+    }
+
+    #[test]
+    fn texture_units_are_not_held_to_be_exact() {
+        let raw = EncodeOptions { codec: volume::CodecChoice::Raw, ..EncodeOptions::default() };
+        let v = volume(&raw, |c| (c[0] * 2) as u8);
+        let of = |text: &str| {
+            let scene = SceneFile::parse(text).unwrap().resolve(&[&v], Path::new("")).unwrap();
+            let plan = Plan::new(&scene, &[&v], &Fit::host(None)).unwrap();
+            (error_bound(&plan.levels[0]).unwrap(), filter_error(&plan.levels[0]))
+        };
+        let all = "level = 0\nprojection = \"maximum\"\n";
+        assert_eq!(of(&format!("{all}sampler = \"linear\"")), (0.0, 0.0));
+        // A brick and its neighbours: 48 voxels, two values apart.
+        let due = 3.0 / 256.0 * 94.0;
+        assert_eq!(of(&format!("{all}sampler = \"hw_linear\"")), (due, due));
     }
 }

@@ -127,8 +127,14 @@ fn a_plan_holds_what_the_scene_asks_for_and_says_what_it_leaves_out() {
     assert_eq!(names, [("decode_s3dc", true), ("raycast", false)]);
     assert!(matches!(all.key.volumes[0].form, Form::Raw(Texel::Float)));
     let text = all.explain();
-    for word in ["decode_s3dc (once)", "56.00 where it is lit", "left out    lod", "tf_cull: not asked for", "visible"]
-    {
+    for word in [
+        "effects     gradient_shading, empty_skip, early_out",
+        "decode_s3dc (once)",
+        "56.00 where it is lit",
+        "left out    lod",
+        "tf_cull: not asked for",
+        "visible",
+    ] {
         assert!(text.contains(word), "{word} in\n{text}");
     }
     let json = all.to_json();
@@ -199,6 +205,7 @@ fn bricks_that_no_view_shows_are_not_loaded() {
 }
 
 #[test]
+<<<<<<< HEAD
 fn cameras_frame_the_bricks_with_something_to_see() {
     let v = ball(3);
     let transfer = r#"[{ value = 100, color = [1, 1, 1], alpha = 0 }, { value = 150, color = [1, 1, 1], alpha = 1 }]"#;
@@ -225,4 +232,87 @@ fn cameras_frame_the_bricks_with_something_to_see() {
     ] {
         assert!(resolved(more).volumes[0].seen.is_empty(), "{more}");
     }
+=======
+fn what_only_the_cpu_does_is_explained_too_and_a_band_is_what_it_takes() {
+    let v = ball(2);
+    let p = plan(&v, &scene(&v, "size = [2048, 2048]"));
+    assert!(p.effects.has(Effect::TfCull) && p.effects.has(Effect::Lod));
+    assert!(!p.key.effects.has(Effect::TfCull) && !p.key.effects.has(Effect::Lod));
+    let text = p.explain();
+    let line = text.lines().find(|l| l.starts_with("effects")).unwrap();
+    assert!(line.contains("tf_cull") && line.contains("lod"), "{text}");
+    assert!(p.to_json()["effects"].as_array().unwrap().iter().any(|e| e == "tf_cull"));
+    // 2^20 pixels at a time, of 2^22.
+    let picture = p.passes[0].bindings.iter().find(|b| b.name == "picture").unwrap();
+    assert_eq!(picture.bytes, 16 << 20);
+    assert_eq!([[1, 9], [2048, 2048], [1 << 20, 99]].map(|size| band_rows(size, &Fit::portable())), [9, 512, 8]);
+}
+
+/// What a scene with this volume so many times is refused for.
+fn refused(v: &Volume, scene: &Scene, times: usize, fit: &Fit) -> Error {
+    let scene = Scene { volumes: vec![scene.volumes[0].clone(); times], ..scene.clone() };
+    let e = Plan::new(&scene, &vec![v; times], fit).unwrap_err();
+    assert_eq!(e.code(), Code::Limit, "{e}");
+    e
+}
+
+#[test]
+fn all_levels_together_are_held_against_the_budget() {
+    let v = ball(3);
+    let s = scene(&v, "level = 0");
+    let one = plan(&v, &s).level_bytes();
+    let fit = |bytes| Fit::host(Some(bytes));
+    let two = Scene { volumes: vec![s.volumes[0].clone(); 2], ..s.clone() };
+    assert!(Plan::new(&two, &[&v, &v], &fit(2 * one)).is_ok());
+    let e = refused(&v, &s, 2, &fit(2 * one - 1));
+    assert_eq!(e.field(), "gpu-mem");
+    for part in ["volume 1 at step 0, level 0", "level 1 of all", "one volume fewer"] {
+        assert!(e.message().contains(part), "{part} in {e}");
+    }
+    // Both steps of a series in between count.
+    let s = scene(&v, "level = 0\neffects = [\"time_interp\"]");
+    let e = refused(&v, &s, 1, &fit(2 * one - 1));
+    assert!(e.message().contains("a whole time step"), "{e}");
+}
+
+#[test]
+fn all_storage_buffers_of_a_shader_are_counted() {
+    let mut grid = Grid::from_fn(Extent::cube(40), |c| (c[0] * 5 ^ c[1] * 3 ^ c[2]) as u8).unwrap();
+    let mut file = std::io::Cursor::new(Vec::new());
+    let options = EncodeOptions { brick: Some(16), codec: volume::CodecChoice::Zerobit, ..EncodeOptions::default() };
+    volume::encode(&mut grid, &mut file, &options, &mut |_, _| {}).unwrap();
+    let v = Volume::open(MemorySource(file.into_inner()), Limits::default()).unwrap();
+    let s = scene(&v, "level = 0\neffects = []");
+    let two = Scene { volumes: vec![s.volumes[0].clone(); 2], ..s.clone() };
+    // Picture, and of each a table, codebooks and one page; one more page would not be had by both.
+    let p = Plan::new(&two, &[&v, &v], &Fit::portable()).unwrap();
+    assert_eq!((p.key.storage_buffers(), p.levels[1].layout.pages.unwrap().pages), (7, 1));
+    let e = refused(&v, &s, 3, &Fit::portable());
+    assert!(e.message().contains("10 storage buffers, of 8") && e.message().contains("2 of the volumes"), "{e}");
+    let decoded = Scene { volumes: vec![s.volumes[0].clone(); 3], source: Source::Decoded, ..s.clone() };
+    assert!(Plan::new(&decoded, &[&v, &v, &v], &Fit::portable()).is_ok());
+    // Two time steps, of two pages each.
+    let between = scene(&v, "level = 0\neffects = [\"time_interp\"]");
+    let bytes = p.levels[0].layout.pages.unwrap().stream_bytes;
+    let small = Fit { max_binding: bytes * 2 / 3 / 4 * 4, ..Fit::portable() };
+    let e = refused(&v, &between, 1, &small);
+    assert!(e.message().contains("9 storage buffers") && e.message().contains("a whole time step"), "{e}");
+    // Steps need not be equally long.
+    let mut key = Plan::new(&between, &[&v], &Fit::portable()).unwrap().key;
+    key.volumes[1] = key.volumes[1].with_pages(3);
+    key.check().unwrap();
+    let text = key.wgsl();
+    assert!(text.contains("page2_1") && !text.contains("page1_0"), "{text}");
+    key.volumes[1].colour = true;
+    assert_eq!(key.check().unwrap_err().code(), Code::Param);
+}
+
+#[test]
+fn slices_are_no_wider_than_textures() {
+    let v = ball(1);
+    let s = scene(&v, "traversal = \"slice\"\nsize = [8193, 4]");
+    let e = refused(&v, &s, 1, &Fit::portable());
+    assert!(e.field() == "size" && e.message().contains("8192 at most"), "{e}");
+    assert!(Plan::new(&Scene { size: [8192, 4], ..s }, &[&v], &Fit::portable()).is_ok());
+>>>>>>> mend
 }
