@@ -12,13 +12,16 @@
 use crate::error::{Error, Result};
 use std::collections::BTreeSet;
 
+/// Flags (without `_V`) and replacements of one volume.
+pub type VolumeChoice = (BTreeSet<&'static str>, Vec<(&'static str, String)>);
+
 /// What decides about the lines of a text.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Choice {
     /// Flags of the picture.
     pub flags: BTreeSet<&'static str>,
     /// Flags (without `_V`) and replacements of each volume.
-    pub volumes: Vec<(BTreeSet<&'static str>, Vec<(&'static str, String)>)>,
+    pub volumes: Vec<VolumeChoice>,
     /// Replacements for all.
     pub words: Vec<(&'static str, String)>,
 }

@@ -60,7 +60,8 @@ pub fn reconstruct<R: Real>(v: &Volume<'_, R>, pair: [u32; 2], index: u32) -> R 
     let q = (1u32 << i) - 1;
     if sample == SampleType::F32 {
         let [min, max] = pair.map(|p| scalar::<R>(sample, p));
-        if !(max > min) || index == 0 {
+        let ordered = max > min; // false for NaN, too
+        if !ordered || index == 0 {
             return min;
         }
         if index == q {

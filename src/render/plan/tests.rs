@@ -205,7 +205,6 @@ fn bricks_that_no_view_shows_are_not_loaded() {
 }
 
 #[test]
-<<<<<<< HEAD
 fn cameras_frame_the_bricks_with_something_to_see() {
     let v = ball(3);
     let transfer = r#"[{ value = 100, color = [1, 1, 1], alpha = 0 }, { value = 150, color = [1, 1, 1], alpha = 1 }]"#;
@@ -232,7 +231,9 @@ fn cameras_frame_the_bricks_with_something_to_see() {
     ] {
         assert!(resolved(more).volumes[0].seen.is_empty(), "{more}");
     }
-=======
+}
+
+#[test]
 fn what_only_the_cpu_does_is_explained_too_and_a_band_is_what_it_takes() {
     let v = ball(2);
     let p = plan(&v, &scene(&v, "size = [2048, 2048]"));
@@ -314,5 +315,4 @@ fn slices_are_no_wider_than_textures() {
     let e = refused(&v, &s, 1, &Fit::portable());
     assert!(e.field() == "size" && e.message().contains("8192 at most"), "{e}");
     assert!(Plan::new(&Scene { size: [8192, 4], ..s }, &[&v], &Fit::portable()).is_ok());
->>>>>>> mend
 }
