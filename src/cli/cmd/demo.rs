@@ -74,11 +74,10 @@ pub(super) fn run(args: &Demo) -> Result<Verdict> {
     let sections = vec![studio.section(dir, args.force, &bar)?];
     bar.finish_and_clear();
     if args.common.json {
-        let mut json = json!({ "page": page, "settings": summary });
         #[cfg(feature = "gpu")]
-        {
-            json["adapter"] = json!(studio.adapter());
-        }
+        let json = json!({ "page": page, "adapter": studio.adapter(), "settings": summary });
+        #[cfg(not(feature = "gpu"))]
+        let json = json!({ "page": page, "settings": summary });
         println!("{json:#}");
     } else if !args.common.quiet {
         println!("All files verified. Look at {}", page.display());

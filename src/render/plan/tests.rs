@@ -215,7 +215,7 @@ fn cameras_frame_the_bricks_with_something_to_see() {
     let scene = resolved("");
     // The ball lies in the brick from 16 to 32; the volume's middle is at (47.5, 39.5, 31.5).
     let first = [15.5 - 47.5, 15.5 - 39.5, 15.5 - 31.5];
-    assert_eq!((scene.volumes[0].seen.len(), scene.volumes[0].seen[0]), (16, first));
+    assert_eq!((scene.volumes[0].seen.len(), scene.volumes[0].seen[0]), (8, first));
     let view = |scene: &Scene| plan(&v, scene).view;
     assert_eq!(view(&scene).pivot, first.map(|c| c + 8.0));
     // Whatever the level, and when other values are shown later, it stays where it is.
