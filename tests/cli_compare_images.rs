@@ -18,7 +18,7 @@ fn png(path: &Path, width: u32, height: u32, color: png::ColorType, depth: png::
 
 /// A grey ramp, as colour or as grey, with `add` upon every fourth pixel.
 fn ramp(path: &Path, coloured: bool, add: u8) {
-    let value = |i: usize| (i % 64 * 3) as u8 + if i % 4 == 0 { add } else { 0 };
+    let value = |i: usize| (i % 64 * 3) as u8 + if i.is_multiple_of(4) { add } else { 0 };
     let grey: Vec<u8> = (0..64 * 48).map(value).collect();
     let rgb: Vec<u8> = grey.iter().flat_map(|&v| [v; 3]).collect();
     let (color, bytes) = if coloured { (png::ColorType::Rgb, rgb) } else { (png::ColorType::Grayscale, grey) };

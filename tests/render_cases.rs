@@ -194,7 +194,10 @@ fn ending_rays_early_changes_nothing_that_eight_bits_show() {
     let mut early = whole.clone();
     early.early_out = Some(1.0 / 1024.0);
     for backend in &CPUS {
-        let (a, b) = (rendered(&whole, &[volume.clone()], backend), rendered(&early, &[volume.clone()], backend));
+        let (a, b) = (
+            rendered(&whole, std::slice::from_ref(&volume), backend),
+            rendered(&early, std::slice::from_ref(&volume), backend),
+        );
         let (x, y) = (a.image.over([1.0; 3]), b.image.over([1.0; 3]));
         assert!(x.iter().flatten().zip(y.iter().flatten()).all(|(a, b)| a.abs_diff(*b) <= 1));
         assert!(b.work.unwrap().samples < a.work.unwrap().samples);
@@ -209,7 +212,7 @@ fn a_hundred_thousand_faint_samples_add_up() {
     scene.step = 1e-4;
     let exact = 1.0 - (1.0f64 - f64::from(0.01f32)).powi(10);
     for backend in &CPUS {
-        let done = rendered(&scene, &[volume.clone()], backend);
+        let done = rendered(&scene, std::slice::from_ref(&volume), backend);
         assert!(done.work.unwrap().samples >= 100_000);
         let found = f64::from(middle(&done.image)[3]);
         assert!((found / exact - 1.0).abs() < 1e-3, "{backend:?}: {found} {exact}");
@@ -308,8 +311,10 @@ fn skipping_and_culling_change_no_bit() {
                 let mut fast = scene.clone();
                 (fast.empty_skip, fast.tf_cull) = (true, true);
                 for backend in &CPUS {
-                    let (a, b) =
-                        (rendered(&scene, &[volume.clone()], backend), rendered(&fast, &[volume.clone()], backend));
+                    let (a, b) = (
+                        rendered(&scene, std::slice::from_ref(&volume), backend),
+                        rendered(&fast, std::slice::from_ref(&volume), backend),
+                    );
                     assert_close(&a.image, &b.image, 0.0, &format!("{projection} {sampler} {azimuth} step {step}"));
                     let (a, b) = (a.work.unwrap(), b.work.unwrap());
                     assert!(b.samples * 3 < a.samples * 2 || step > 5.0, "{} of {} samples", b.samples, a.samples);
@@ -389,7 +394,7 @@ fn a_peak_that_a_brick_only_touches_is_seen() {
     (scene.sampler, scene.step) = (Sampler::Nearest, 0.2);
     let all = picture(&scene, &volume, &Backend::Cpu);
     (scene.empty_skip, scene.tf_cull) = (true, true);
-    let fast = rendered(&scene, &[volume.clone()], &Backend::Cpu);
+    let fast = rendered(&scene, std::slice::from_ref(&volume), &Backend::Cpu);
     assert!(all.pixels.iter().any(|p| p[3] > 0.5));
     assert_close(&fast.image, &all, 0.0, "peak");
 }

@@ -8,7 +8,8 @@ pub fn shade<R: Real>(frame: &Frame<R>, color: V3<R>, normal: V3<R>, direction: 
     let zero = R::of(0.0);
     let one = R::of(1.0);
     let size = normal[0].abs().max(normal[1].abs().max(normal[2].abs()));
-    if size <= zero {
+    let faces = size > zero; // false for NaN, too
+    if !faces {
         return color;
     }
     let n = normal.map(|v| v / size);

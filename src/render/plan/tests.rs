@@ -28,11 +28,8 @@ fn encoded(grid: &mut Grid, levels: u8) -> Volume {
 
 fn scene(volume: &Volume, text: &str) -> Scene {
     let mut scene = SceneFile::parse(text).unwrap().resolve(&[volume], Path::new("")).unwrap();
-    let clear_below = |v| {
-        let p = |value, alpha| Point { value, color: [1.0; 3], alpha };
-        TransferFunction::new(vec![p(v, 0.0), p(v + 50.0, 1.0)]).unwrap()
-    };
-    scene.volumes[0].transfer = clear_below(100.0);
+    let p = |value, alpha| Point { value, color: [1.0; 3], alpha };
+    scene.volumes[0].transfer = TransferFunction::new(vec![p(100.0, 0.0), p(150.0, 1.0)]).unwrap();
     scene
 }
 
@@ -278,7 +275,7 @@ fn all_levels_together_are_held_against_the_budget() {
 
 #[test]
 fn all_storage_buffers_of_a_shader_are_counted() {
-    let mut grid = Grid::from_fn(Extent::cube(40), |c| (c[0] * 5 ^ c[1] * 3 ^ c[2]) as u8).unwrap();
+    let mut grid = Grid::from_fn(Extent::cube(40), |c| ((c[0] * 5) ^ (c[1] * 3) ^ c[2]) as u8).unwrap();
     let mut file = std::io::Cursor::new(Vec::new());
     let options = EncodeOptions { brick: Some(16), codec: volume::CodecChoice::Zerobit, ..EncodeOptions::default() };
     volume::encode(&mut grid, &mut file, &options, &mut |_, _| {}).unwrap();
