@@ -189,8 +189,8 @@ fn saving_fetches_changes_no_bit() {
 
 #[test] // hard case: D-59
 fn in_levels_laid_in_tiles_too() {
-    let extent = Extent::new(150, 20, 100);
-    // Textures of 64 texels: bricks beside one another may lie one above the other.
+    let extent = Extent::new(70, 20, 90);
+    // Textures of 64 texels a side: bricks beside one another may lie one above the other.
     let fit = Fit { max_3d: 64, ..Fit::host(None) };
     for (bits, block) in [(4, [4, 4, 4]), (4, [16; 3]), (2, [3, 5, 2]), (4, [2, 2, 2])] {
         let volume = encoded_noise(extent, s3dc(bits, block));
