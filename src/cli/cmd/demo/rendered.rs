@@ -49,7 +49,7 @@ impl Studio {
 
     /// Renders the files in `dir`, writes `rendered.png` there, and gives the page's section.
     pub(super) fn section(&self, dir: &Path, force: bool, bar: &ProgressBar) -> Result<(String, Vec<Piece>)> {
-        let open = |stem: &str| Volume::open_path(&dir.join(format!("{stem}.vug"))).map(Arc::new);
+        let open = |stem: &str| Volume::open_path(dir.join(format!("{stem}.vug"))).map(Arc::new);
         let (lossless, compressed) = (open(LOSSLESS)?, open(COMPRESSED)?);
         let take = |scene: &Scene, volume: &Arc<Volume>, sampler| {
             let image = self.take(Scene { sampler, ..scene.clone() }, volume)?;
