@@ -203,8 +203,12 @@ mod tests {
             let json = report(&plan, &scene, &[&v], &Device::default(), &[], Bytes { read: 7, uploaded: 8 });
             assert_eq!((&json["levels"][0]["error_bound"], &json["is_final"]), (&json!(bound), &json!(lod == 0)));
             assert_eq!(json["bytes"], json!({ "read": 7, "uploaded": 8, "missing": 0 }));
-            let effects: Vec<_> = scene.effects().iter().map(|e| e.name()).collect();
-            assert!(json["effects"] == json!(effects) && effects.contains(&"tf_cull"), "{json}");
+            assert_eq!(json["effects"], json!([]));
+            let plain = SceneFile::parse("").unwrap().resolve(&[&v], Path::new("")).unwrap();
+            let of = Plan::new(&plain, &[&v], &Fit::host(None)).unwrap();
+            let effects = report(&of, &plain, &[&v], &Device::default(), &[], Bytes::default())["effects"].clone();
+            let names: Vec<_> = plain.effects().iter().map(|e| e.name()).collect();
+            assert!(effects == json!(names) && names.contains(&"tf_cull") && names.contains(&"lod"), "{effects}");
             assert_eq!(
                 (&json["constants"]["BRICK_LOG2_0"], &json["constants"]["POINTS_1"]),
                 (&json!(4.0), &json!(null))

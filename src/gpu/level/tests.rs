@@ -267,6 +267,12 @@ fn zerobit_payloads_lie_in_pages() {
         assert_eq!(level.books[1].cast_signed(), books[0].average(1)[0]);
         assert_eq!(level.books[257].cast_signed(), books[0].detail(1)[0]);
         assert!(pages.stream_bytes >= total || volume.level_bricks(At::default()).unwrap().zstd);
+        // Layer by layer it becomes the same: each goes on in the page where the last one ended.
+        let mut slowly = HostLevel::load(&volume, level.layout.clone(), &|_| false, &mut |_, _| {}).unwrap();
+        for z in 0..level.layout.bricks[2] {
+            slowly.add(&volume, &|b| b[2] == z, &mut |_, _| {}).unwrap();
+        }
+        assert!(slowly.pages == level.pages && slowly.table == level.table);
     }
     let few = Fit { storage_buffers: 5, ..small };
     let layout = LevelLayout::new(&volume, At::default(), Source::Direct, &few).unwrap();

@@ -277,7 +277,12 @@ fn all_levels_together_are_held_against_the_budget() {
 fn all_storage_buffers_of_a_shader_are_counted() {
     let mut grid = Grid::from_fn(Extent::cube(40), |c| ((c[0] * 5) ^ (c[1] * 3) ^ c[2]) as u8).unwrap();
     let mut file = std::io::Cursor::new(Vec::new());
-    let options = EncodeOptions { brick: Some(16), codec: volume::CodecChoice::Zerobit, ..EncodeOptions::default() };
+    let options = EncodeOptions {
+        brick: Some(16),
+        codec: volume::CodecChoice::Zerobit,
+        quality: volume::Quality::Keep(500_000),
+        ..EncodeOptions::default()
+    };
     volume::encode(&mut grid, &mut file, &options, &mut |_, _| {}).unwrap();
     let v = Volume::open(MemorySource(file.into_inner()), Limits::default()).unwrap();
     let s = scene(&v, "level = 0\neffects = []");
