@@ -150,7 +150,7 @@ impl Gpu {
         let internal = self.device.push_error_scope(wgpu::ErrorFilter::Internal);
         let validation = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
         let made = make();
-        let found = [validation.pop(), internal.pop(), memory.pop()].map(|s| pollster::block_on(s));
+        let found = [validation.pop(), internal.pop(), memory.pop()].map(pollster::block_on);
         match found.into_iter().flatten().next() {
             None => Ok(made),
             Some(wgpu::Error::OutOfMemory { .. }) => {
