@@ -98,7 +98,10 @@ fn parse_text(text: &str, what: &str) -> naga::Module {
     module
 }
 
-fn check_structure(module: &naga::Module, name: &str, fields: &[(&str, usize)], size: usize) {
+/// Names and byte offsets.
+type Fields = &'static [(&'static str, usize)];
+
+fn check_structure(module: &naga::Module, name: &str, fields: Fields, size: usize) {
     let (_, ty) = module.types.iter().find(|(_, t)| t.name.as_deref() == Some(name)).unwrap();
     let TypeInner::Struct { members, span } = &ty.inner else { panic!("{name} is no structure") };
     assert_eq!(*span as usize, size, "{name}");
@@ -150,7 +153,7 @@ fn decode_passes_are_valid() {
 #[test]
 fn structures_lie_alike_on_both_sides() {
     let module = parse(&keys()[0]);
-    let due: [(&str, &[(&str, usize)], usize); 3] = [
+    let due: [(&str, Fields, usize); 3] = [
         ("Frame", Frame::FIELDS, size_of::<Frame>()),
         ("Point", Point::FIELDS, size_of::<Point>()),
         ("VolumeParams", VolumeParams::FIELDS, size_of::<VolumeParams>()),
