@@ -9,14 +9,13 @@ fn inside(value: f32) -> bool {
 fn march(ray: Ray, start: f32, count: u32, tail: f32, PARAMETERS) -> vec4f {
     // The first sample is where the ray enters: a surface that is cut open by the box has a lid.
     let entry = origin_0 + start * direction_0;
+    var outside = false;
 //+if empty_skip
-    if (next_0(entry, direction_0, 0u) == 0u) {
-//+else
-    {
+    // What can be jumped over lies outside, and may not be in memory.
+    outside = next_0(entry, direction_0, 0u) > 0u;
 //+end
-        if (inside(grey_0(value_0(entry)))) {
-            return surface(ray, start, origin_0, direction_0);
-        }
+    if (!outside && inside(grey_0(value_0(entry)))) {
+        return surface(ray, start, origin_0, direction_0);
     }
     var last = start;
     var k = 0u;

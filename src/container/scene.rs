@@ -5,7 +5,7 @@ use super::section::{self, ExtraSection, SectionFlags};
 use crate::error::{Code, Error, Result};
 use crate::limits;
 
-/// Checks the bytes of `SCNE`; `offset` is where the section lies, for errors (spec: SEC-18).
+/// Checks the bytes of `SCNE`; `offset` is where the section lies, for errors (spec: SEC-19).
 ///
 /// # Errors
 /// `E_LIMIT` above 1 MiB, `E_UTF8` where the bytes are no text.

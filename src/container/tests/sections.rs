@@ -208,7 +208,7 @@ fn unknown_sections() {
     }
 }
 
-#[test] // spec: SEC-18
+#[test] // spec: SEC-19
 fn scenes() {
     let with = |text: &[u8]| {
         let d = descriptor([4, 4, 4], 1);

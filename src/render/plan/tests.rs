@@ -93,8 +93,11 @@ fn steps_too_fine_are_refused_before_anything_is_rendered() {
 fn levels_follow_the_size_of_a_pixel_and_fit_what_there_is() {
     let v = ball(3);
     let lod = |text: &str| plan(&v, &scene(&v, text)).levels[0].at.lod;
-    assert_eq!(lod("size = [1000, 1000]"), 0);
-    assert!(lod("size = [20, 20]") == 2 && lod("size = [20, 20]\neffects = []") == 0);
+    // From outside of the volume's sphere; a camera within it shows the finest level.
+    let away = "camera = { eye = [47, -400, 31], target = [47, 39, 31] }";
+    assert_eq!(lod(&format!("size = [1000, 1000]\n{away}")), 0);
+    assert_eq!(lod(&format!("size = [20, 20]\n{away}")), 2);
+    assert_eq!(lod(&format!("size = [20, 20]\neffects = []\n{away}")), 0);
     assert_eq!(lod("level = 1"), 1);
     let e = Plan::new(&scene(&v, "level = 3"), &[&v], &Fit::host(None)).unwrap_err();
     assert_eq!(e.code(), Code::Range);
