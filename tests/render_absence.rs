@@ -64,28 +64,28 @@ fn texts_and_bindings_hold_what_is_asked_for_and_nothing_else() {
     assert_eq!((texts.len(), distinct.len()), (32, 32));
 }
 
-/// A shader file as it would be if nobody had ever written this effect: without the lines between its `//+if` and `//+end`.
+/// A shader file as it would be if nobody had ever written this effect: of its `//+if` blocks only the lines behind `//+else`.
 fn never_written(text: &str, effect: &str) -> String {
     let mut out = String::new();
-    let mut depth = 0;
-    let mut dropped = None;
+    // Of each open directive: whether it is the effect's, and whether its lines are dropped.
+    let mut open: Vec<(bool, bool)> = Vec::new();
     for line in text.lines() {
         let directive = line.trim();
-        if directive.starts_with("//+if") || directive == "//+each" {
-            depth += 1;
-            if directive == format!("//+if {effect}") {
-                dropped = Some(depth);
-                continue;
+        let own = match directive {
+            "//+else" => {
+                let (own, dropped) = open.last_mut().unwrap();
+                *dropped = *own && !*dropped;
+                *own
             }
-        }
-        if directive == "//+end" {
-            depth -= 1;
-            if dropped == Some(depth + 1) {
-                dropped = None;
-                continue;
+            "//+end" => open.pop().unwrap().0,
+            _ if directive.starts_with("//+") => {
+                let own = directive == format!("//+if {effect}");
+                open.push((own, own));
+                own
             }
-        }
-        if dropped.is_none() {
+            _ => false,
+        };
+        if !own && !open.iter().any(|(_, dropped)| *dropped) {
             out.push_str(line);
             out.push('\n');
         }

@@ -164,7 +164,7 @@ fn check_known(entry: &SectionEntry, at: u64) -> Result<()> {
         let message = format!("META decodes to {} bytes; the cap is 1 MiB", entry.decoded_len);
         return bad(Code::Limit, 24, "section.decoded_length", message);
     }
-    // spec: SEC-18
+    // spec: SEC-19
     if entry.fourcc == section::SCNE && entry.decoded_len > limits::MAX_SCENE_BYTES {
         let message = format!("SCNE has {} bytes; the cap is 1 MiB", entry.decoded_len);
         return bad(Code::Limit, 24, "section.decoded_length", message);
