@@ -165,7 +165,7 @@ pub struct LevelLayout {
     pub store: Store,
     /// Where bricks lie.
     pub fold: Fold,
-    /// The textures: [minmax, index] of s3dc, [raw], or none for zerobit.
+    /// The textures: end points and indices of s3dc, samples of raw, or none for zerobit.
     pub textures: Vec<TextureLayout>,
     /// The texture that a compute pass decodes into ([`Source::Deferred`]); none for raw volumes, whose samples are there.
     pub decoded: Option<TextureLayout>,
